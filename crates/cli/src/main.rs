@@ -1,0 +1,2 @@
+//! The bikebot command line.
+fn main() {}

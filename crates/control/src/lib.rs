@@ -1,0 +1,1 @@
+//! Balance by output zeroing, path following by passive velocity fields.

@@ -1,0 +1,1 @@
+//! Plant models of the bike robot, its actuators and sensors.

@@ -1,0 +1,1 @@
+//! Plane geometry and curves of the bike robot.

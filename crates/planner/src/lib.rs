@@ -1,0 +1,1 @@
+//! Curvature-bounded path planning: BiRRT, shortcutting, corridor RRT*.

@@ -1,0 +1,1 @@
+//! Scenario, closed loop, recorder, sweeps.

@@ -1,0 +1,1 @@
+//! Obstacles, grids, and the questions one can ask them.

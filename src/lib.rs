@@ -1,0 +1,1 @@
+//! `bikebot`: plans, balances and rides a bike robot.
