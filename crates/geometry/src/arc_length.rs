@@ -75,6 +75,9 @@ impl ArcLength {
         // is for curves with a standstill, where the bracket still halves each time.
         for _ in 0..60 {
             let error = s_low + integrate(&self.curve, knot(i), t) - s;
+            if error.abs() <= 1e-15 * self.length() {
+                return t;
+            }
             if error > 0.0 {
                 high = t;
             } else {
@@ -90,9 +93,6 @@ impl ArcLength {
                 return next;
             }
             t = next;
-            if error.abs() <= 1e-14 * self.length() {
-                return t;
-            }
         }
         t
     }
@@ -104,4 +104,70 @@ fn knot(i: usize) -> f64 {
 
 fn integrate(curve: &FergusonCurve, from: f64, to: f64) -> f64 {
     quadrature::EIGHT.integrate(from, to, |t| curve.derivative(t).norm())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Point2, Pose2, Vector2};
+    use proptest::prelude::*;
+
+    fn bend() -> impl Strategy<Value = FergusonCurve> {
+        (1.0..8.0_f64, -1.2..1.2_f64, -1.2..1.2_f64, 0.5..1.5_f64).prop_map(|(d, a, b, k)| {
+            FergusonCurve::between(Pose2::new(0.0, 0.0, a), Pose2::new(d, 0.0, b), k * d)
+        })
+    }
+
+    #[test]
+    fn a_straight_line_is_travelled_evenly() {
+        let line = FergusonCurve::straight(Point2::new(0.0, 0.0), Point2::new(3.0, 4.0));
+        let table = ArcLength::new(&line);
+        assert!((table.length() - 5.0).abs() < 1e-14);
+        assert!((table.arc_length_at(0.3) - 1.5).abs() < 1e-14);
+        assert!((table.parameter_at(1.5) - 0.3).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_parabola_has_the_length_of_its_closed_form() {
+        // P = (T, T²): L = (2√5 + asinh 2)/4.
+        let parabola = FergusonCurve::from_ends(
+            Point2::origin(),
+            Vector2::new(1.0, 0.0),
+            Point2::new(1.0, 1.0),
+            Vector2::new(1.0, 2.0),
+        );
+        let exact = (2.0 * 5.0_f64.sqrt() + 2.0_f64.asinh()) / 4.0;
+        assert!((ArcLength::new(&parabola).length() - exact).abs() < 1e-14);
+        assert!((parabola.length() - exact).abs() < 1e-13);
+    }
+
+    #[test]
+    fn outside_the_curve_is_clamped() {
+        let line = FergusonCurve::straight(Point2::new(0.0, 0.0), Point2::new(2.0, 0.0));
+        let table = ArcLength::new(&line);
+        assert_eq!(table.parameter_at(-1.0), 0.0);
+        assert_eq!(table.parameter_at(9.0), 1.0);
+        assert_eq!(table.arc_length_at(-0.5), 0.0);
+        assert_eq!(table.arc_length_at(1.5), table.length());
+        let nothing = ArcLength::new(&FergusonCurve::straight(Point2::origin(), Point2::origin()));
+        assert_eq!(nothing.parameter_at(0.5), 0.0);
+    }
+
+    proptest! {
+        #[test]
+        fn arc_length_grows_with_the_parameter(c in bend(), t0 in 0.0..1.0_f64, t1 in 0.0..1.0_f64) {
+            let table = ArcLength::new(&c);
+            let (low, high) = (t0.min(t1), t0.max(t1));
+            prop_assert!(table.arc_length_at(low) <= table.arc_length_at(high));
+            let chord = (c.point(high) - c.point(low)).norm();
+            prop_assert!(table.arc_length_at(high) - table.arc_length_at(low) >= chord - 1e-12);
+        }
+
+        #[test]
+        fn the_inverse_returns_to_where_it_came_from(c in bend(), u in 0.0..=1.0_f64) {
+            let table = ArcLength::new(&c);
+            let s = u * table.length();
+            prop_assert!((table.arc_length_at(table.parameter_at(s)) - s).abs() < 1e-12 * table.length());
+        }
+    }
 }

@@ -263,3 +263,134 @@ fn foot_polynomial(curve: &FergusonCurve, p: Point2) -> [f64; 6] {
     }
     q
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Vector2;
+    use proptest::prelude::*;
+    use std::f64::consts::FRAC_PI_2;
+
+    /// Straight, a left bend, straight up.
+    fn path() -> CurvePath {
+        let a = Pose2::new(0.0, 0.0, 0.0);
+        let b = Pose2::new(4.0, 0.0, 0.0);
+        let c = Pose2::new(7.0, 3.0, FRAC_PI_2);
+        let d = Pose2::new(7.0, 6.0, FRAC_PI_2);
+        CurvePath::new(vec![
+            FergusonCurve::between(a, b, 4.0),
+            FergusonCurve::between(b, c, 4.9),
+            FergusonCurve::between(c, d, 3.0),
+        ])
+        .unwrap()
+    }
+
+    #[test]
+    fn places_are_continuous_across_joints() {
+        let path = path();
+        for i in 1..3 {
+            let s = path.segment_start(i);
+            let (before, after) = (path.at(s - 1e-9), path.at(s));
+            assert!((before.position - after.position).norm() < 2e-9);
+            assert!((before.heading - after.heading).abs() < 1e-8);
+        }
+        assert_eq!(path.at(-1.0).position, Point2::new(0.0, 0.0));
+        assert!((path.at(1e9).position - Point2::new(7.0, 6.0)).norm() < 1e-14);
+        assert_eq!(path.end_pose().position, Point2::new(7.0, 6.0));
+    }
+
+    #[test]
+    fn the_figures_of_the_path_are_those_of_its_segments() {
+        let path = path();
+        let bend = &path.segments()[1];
+        assert_eq!(path.max_curvature(), bend.max_curvature());
+        assert!((path.length() - (7.0 + bend.length())).abs() < 1e-12);
+        let jump = bend.curvature(0.0).abs().max(bend.curvature(1.0).abs());
+        assert!((path.max_curvature_jump() - jump).abs() < 1e-12);
+        assert!(path.max_heading_jump() < 1e-12);
+        assert!((path.bending() - bend.length_and_bending_fine().1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn samples_keep_the_step_and_both_ends() {
+        let path = path();
+        let places = path.sample(0.25);
+        assert_eq!(places[0].s, 0.0);
+        assert_eq!(places[places.len() - 1].s, path.length());
+        for pair in places.windows(2) {
+            let step = pair[1].s - pair[0].s;
+            assert!(step > 0.0 && step <= 0.25 + 1e-12);
+            assert!((pair[1].position - pair[0].position).norm() <= step + 1e-12);
+        }
+    }
+
+    #[test]
+    fn the_lateral_offset_is_positive_to_the_left() {
+        let path = path();
+        let left = path.project(Point2::new(2.0, 0.5), 0.0, path.length());
+        assert!((left.lateral - 0.5).abs() < 1e-12 && (left.s - 2.0).abs() < 1e-12);
+        let right = path.project(Point2::new(2.0, -0.5), 0.0, path.length());
+        assert!((right.lateral + 0.5).abs() < 1e-12);
+        // A window that excludes the nearest place is respected.
+        let windowed = path.project(Point2::new(2.0, 0.5), 3.0, 5.0);
+        assert!((windowed.s - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_path_is_refused() {
+        assert_eq!(
+            CurvePath::new(vec![]),
+            Err(GeometryError::Empty { what: "path" })
+        );
+        let a = FergusonCurve::straight(Point2::new(0.0, 0.0), Point2::new(1.0, 0.0));
+        let far = FergusonCurve::straight(Point2::new(2.0, 0.0), Point2::new(3.0, 0.0));
+        assert_eq!(
+            CurvePath::new(vec![a, far]),
+            Err(GeometryError::Gap { index: 1, gap: 1.0 })
+        );
+        let point = FergusonCurve::straight(Point2::origin(), Point2::origin());
+        assert_eq!(
+            CurvePath::new(vec![point]),
+            Err(GeometryError::NoLength { index: 0 })
+        );
+        let infinite = FergusonCurve::straight(Point2::origin(), Point2::new(f64::INFINITY, 0.0));
+        assert_eq!(
+            CurvePath::new(vec![a, infinite]),
+            Err(GeometryError::NotFinite {
+                what: "path",
+                index: 1
+            })
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn no_place_in_the_window_is_nearer_than_the_foot(
+            x in -2.0..9.0_f64,
+            y in -2.0..8.0_f64,
+            from in 0.0..1.0_f64,
+            to in 0.0..1.0_f64,
+            u in 0.0..=1.0_f64,
+        ) {
+            let path = path();
+            let p = Point2::new(x, y);
+            let (low, high) = (from.min(to) * path.length(), from.max(to) * path.length());
+            let foot = path.project(p, low, high);
+            prop_assert!(foot.s >= low - 1e-9 && foot.s <= high + 1e-9);
+            prop_assert!((path.at(foot.s).position - foot.foot).norm() < 1e-9);
+            let other = path.at(low + u * (high - low));
+            prop_assert!((other.position - p).norm() >= foot.distance - 1e-9);
+        }
+
+        #[test]
+        fn travelled_distance_is_the_running_arc_length(a in 0.0..1.0_f64, b in 0.0..1.0_f64) {
+            let path = path();
+            let (low, high) = (a.min(b) * path.length(), a.max(b) * path.length());
+            let (p, q) = (path.at(low), path.at(high));
+            prop_assert!((q.position - p.position).norm() <= high - low + 1e-9);
+            let heading = Vector2::new(p.heading.cos(), p.heading.sin());
+            let ahead = path.at(low + 1e-6);
+            prop_assert!(((ahead.position - p.position).dot(&heading) - (ahead.s - p.s)).abs() < 1e-9);
+        }
+    }
+}

@@ -157,3 +157,85 @@ impl Polyline {
         best
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::FRAC_PI_2;
+
+    fn corner() -> Polyline {
+        Polyline::new(vec![
+            Point2::new(0.0, 0.0),
+            Point2::new(3.0, 0.0),
+            Point2::new(3.0, 4.0),
+        ])
+        .unwrap()
+    }
+
+    #[test]
+    fn lengths_and_headings_are_those_of_the_segments() {
+        let p = corner();
+        assert_eq!(p.length(), 7.0);
+        assert_eq!(p.cumulative(1), 3.0);
+        assert_eq!(p.segment_heading(0), 0.0);
+        assert_eq!(p.segment_heading(1), FRAC_PI_2);
+        assert_eq!(p.heading_at(3.0), FRAC_PI_2);
+        assert_eq!(p.point_at(5.0), Point2::new(3.0, 2.0));
+        assert_eq!(p.point_at(-1.0), Point2::new(0.0, 0.0));
+        assert_eq!(p.point_at(99.0), Point2::new(3.0, 4.0));
+    }
+
+    #[test]
+    fn nothing_and_nonsense_are_refused() {
+        assert_eq!(
+            Polyline::new(vec![]),
+            Err(GeometryError::Empty { what: "polyline" })
+        );
+        let bad = vec![Point2::origin(), Point2::new(f64::NAN, 0.0)];
+        assert_eq!(
+            Polyline::new(bad),
+            Err(GeometryError::NotFinite {
+                what: "polyline",
+                index: 1
+            })
+        );
+    }
+
+    #[test]
+    fn repeated_vertices_are_dropped_and_one_vertex_is_a_point() {
+        let p = Polyline::new(vec![Point2::new(1.0, 1.0); 3]).unwrap();
+        assert_eq!(p.vertices().len(), 1);
+        assert_eq!(p.length(), 0.0);
+        assert_eq!(p.point_at(0.5), Point2::new(1.0, 1.0));
+        assert_eq!(p.project(Point2::new(4.0, 5.0)).distance, 5.0);
+    }
+
+    #[test]
+    fn the_foot_is_on_the_nearer_leg_or_the_corner() {
+        let p = corner();
+        let on_leg = p.project(Point2::new(2.0, 0.5));
+        assert_eq!((on_leg.segment, on_leg.s, on_leg.distance), (0, 2.0, 0.5));
+        let at_corner = p.project(Point2::new(4.0, -1.0));
+        assert_eq!(at_corner.foot, Point2::new(3.0, 0.0));
+        assert!((at_corner.distance - 2.0_f64.sqrt()).abs() < 1e-15);
+    }
+
+    proptest! {
+        #[test]
+        fn no_point_of_the_line_is_nearer_than_the_foot(
+            points in prop::collection::vec((-9.0..9.0_f64, -9.0..9.0_f64), 1..8),
+            x in -12.0..12.0_f64,
+            y in -12.0..12.0_f64,
+            u in 0.0..=1.0_f64,
+        ) {
+            let line = Polyline::new(points.iter().map(|&(x, y)| Point2::new(x, y)).collect()).unwrap();
+            let p = Point2::new(x, y);
+            let foot = line.project(p);
+            prop_assert!((line.point_at(foot.s) - foot.foot).norm() < 1e-9);
+            prop_assert!(((p - foot.foot).norm() - foot.distance).abs() < 1e-12);
+            let other = line.point_at(u * line.length());
+            prop_assert!((p - other).norm() >= foot.distance - 1e-12);
+        }
+    }
+}
