@@ -1,0 +1,187 @@
+//! How long a search may go on: a count of iterations, and a stop condition of the caller's.
+//!
+//! A count is repeatable on any machine; a clock is not, so the planner never reads one. Whoever has a
+//! deadline hands in a closure. Every stage counts its iterations on one [`Meter`]; a plan that was
+//! stopped names the count, and the same seed with that count as its budget gives the same plan bit for bit.
+
+use serde::{Deserialize, Serialize};
+
+/// Why a caller's stop condition fired.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopReason {
+    /// The time allowed has passed.
+    Deadline,
+    /// Nobody wants the answer any more.
+    Cancelled,
+}
+
+/// What ended a search before it was done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CutShort {
+    /// The iterations allowed are used up.
+    Iterations,
+    /// The caller's deadline.
+    Deadline,
+    /// The caller's cancellation.
+    Cancelled,
+}
+
+impl From<StopReason> for CutShort {
+    fn from(reason: StopReason) -> Self {
+        match reason {
+            StopReason::Deadline => Self::Deadline,
+            StopReason::Cancelled => Self::Cancelled,
+        }
+    }
+}
+
+/// Limits on one call of `plan`; the default is none.
+#[derive(Clone, Copy, Default)]
+pub struct Budget<'a> {
+    /// Iterations of all stages together: samples, shortcut attempts, batches of cells.
+    pub iterations: Option<u64>,
+    /// Asked at least every [`Meter::CHECK_EVERY`] iterations; an answer ends the search.
+    pub stop: Option<&'a (dyn Fn() -> Option<StopReason> + Sync)>,
+}
+
+impl<'a> Budget<'a> {
+    /// No limit but those of the parameters.
+    #[must_use]
+    pub fn unlimited() -> Self {
+        Self::default()
+    }
+
+    /// At most `iterations` iterations of all stages together.
+    #[must_use]
+    pub fn of_iterations(iterations: u64) -> Self {
+        Self {
+            iterations: Some(iterations),
+            stop: None,
+        }
+    }
+
+    /// Until `stop` answers.
+    #[must_use]
+    pub fn until(stop: &'a (dyn Fn() -> Option<StopReason> + Sync)) -> Self {
+        Self {
+            iterations: None,
+            stop: Some(stop),
+        }
+    }
+}
+
+impl std::fmt::Debug for Budget<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Budget")
+            .field("iterations", &self.iterations)
+            .field("stop", &self.stop.map(|_| "closure"))
+            .finish()
+    }
+}
+
+/// Counts iterations against a [`Budget`] through all stages of one plan.
+///
+/// A stage begins each iteration with [`Meter::step`] and leaves its loop, with the best it has, at the
+/// first `false`. Because nothing but `step` ends a stage early, stopping after `k` iterations has the same effect
+/// whatever the reason was.
+#[derive(Debug)]
+pub struct Meter<'a> {
+    budget: Budget<'a>,
+    iterations: u64,
+    cut_short: Option<CutShort>,
+}
+
+impl<'a> Meter<'a> {
+    /// Iterations between two questions to the caller's stop condition.
+    pub const CHECK_EVERY: u64 = 16;
+
+    /// A meter at zero.
+    #[must_use]
+    pub fn new(budget: &Budget<'a>) -> Self {
+        Self {
+            budget: *budget,
+            iterations: 0,
+            cut_short: None,
+        }
+    }
+
+    /// Begins one more iteration; `false` if there is none left, now and ever after.
+    #[must_use]
+    pub fn step(&mut self) -> bool {
+        if self.cut_short.is_some() {
+            return false;
+        }
+        if self
+            .budget
+            .iterations
+            .is_some_and(|limit| self.iterations >= limit)
+        {
+            self.cut_short = Some(CutShort::Iterations);
+            return false;
+        }
+        if self.iterations.is_multiple_of(Self::CHECK_EVERY)
+            && let Some(reason) = self.budget.stop.and_then(|stop| stop())
+        {
+            self.cut_short = Some(reason.into());
+            return false;
+        }
+        self.iterations += 1;
+        true
+    }
+
+    /// Iterations begun so far, in all stages.
+    #[must_use]
+    pub fn iterations(&self) -> u64 {
+        self.iterations
+    }
+
+    /// What ended the search, if it was ended.
+    #[must_use]
+    pub fn cut_short(&self) -> Option<CutShort> {
+        self.cut_short
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn an_iteration_budget_is_met_exactly() {
+        let mut meter = Meter::new(&Budget::of_iterations(5));
+        assert_eq!(std::iter::from_fn(|| meter.step().then_some(())).count(), 5);
+        assert_eq!(
+            (meter.iterations(), meter.cut_short()),
+            (5, Some(CutShort::Iterations))
+        );
+        assert!(!meter.step());
+        assert_eq!(meter.iterations(), 5);
+    }
+
+    #[test]
+    fn the_stop_condition_is_asked_every_sixteen_iterations() {
+        let asked = AtomicU64::new(0);
+        let stop = || (asked.fetch_add(1, Ordering::Relaxed) == 3).then_some(StopReason::Deadline);
+        let mut meter = Meter::new(&Budget::until(&stop));
+        while meter.step() {}
+        assert_eq!(
+            (meter.iterations(), meter.cut_short()),
+            (48, Some(CutShort::Deadline))
+        );
+        assert_eq!(asked.load(Ordering::Relaxed), 4);
+    }
+
+    #[test]
+    fn a_deadline_already_past_allows_nothing() {
+        let stop = || Some(StopReason::Cancelled);
+        let mut meter = Meter::new(&Budget::until(&stop));
+        assert!(!meter.step());
+        assert_eq!(
+            (meter.iterations(), meter.cut_short()),
+            (0, Some(CutShort::Cancelled))
+        );
+    }
+}

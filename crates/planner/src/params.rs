@@ -1,0 +1,462 @@
+//! Tunables of the planner: Table 1, and every choice where Algorithm 1 is silent or slips.
+//!
+//! Lengths of Table 1 that belong to a 100 m yard are given in units of [`PlannerParams::scale`], so that a smaller or
+//! larger field needs one number changed.
+
+use crate::error::PlanError;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Which composition of stages plans: a row of Table 2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Rapidly-exploring random tree, no goal bias. Ignores headings and curvature.
+    Rrt,
+    /// RRT*, returning at the first arrival as the paper's row does. Ignores headings and curvature.
+    RrtStar,
+    /// Bidirectional RRT: lines 1-4 of Algorithm 1. Ignores headings and curvature.
+    Birrt,
+    /// BiRRT and the shortcut: lines 1-5. Ignores headings and curvature.
+    BirrtSmooth,
+    /// Algorithm 1: BiRRT, shortcut, RRT* in the corridor. Respects headings and curvature.
+    #[default]
+    Paper,
+}
+
+impl Method {
+    /// All methods, in the order of Table 2.
+    pub const ALL: [Self; 5] = [
+        Self::Rrt,
+        Self::RrtStar,
+        Self::Birrt,
+        Self::BirrtSmooth,
+        Self::Paper,
+    ];
+
+    /// The name used in files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rrt => "rrt",
+            Self::RrtStar => "rrt_star",
+            Self::Birrt => "birrt",
+            Self::BirrtSmooth => "birrt_smooth",
+            Self::Paper => "paper",
+        }
+    }
+
+    /// Whether what it returns keeps to the curvature limit and the headings of the ends.
+    #[must_use]
+    pub fn is_curvature_limited(self) -> bool {
+        matches!(self, Self::Paper)
+    }
+}
+
+impl std::fmt::Display for Method {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Method {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::ALL
+            .into_iter()
+            .find(|m| m.name() == text)
+            .ok_or_else(|| {
+                let names = Self::ALL.map(Self::name).join(", ");
+                format!("no method {text:?}; there are {names}")
+            })
+    }
+}
+
+/// Where a path may end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GoalMode {
+    /// At the goal itself, with its heading if it has one.
+    #[default]
+    Pose,
+    /// Anywhere in the ball of the goal's tolerance, with any heading: as printed.
+    Ball,
+}
+
+/// Magnitude `k` of the tangents at both ends of a Ferguson curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TangentRule {
+    /// The distance between the ends.
+    #[default]
+    Chord,
+    /// The distance divided by cos²(Δθ/4): the magnitude that turns the curve into almost a circular arc.
+    ChordSec2,
+    /// The fixed `tangent_speed_m`, as printed.
+    Constant,
+}
+
+/// What an edge costs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CostRule {
+    /// Eq. (5): the bending term is divided by the square of each edge's own length.
+    #[default]
+    Printed,
+    /// The bending term is divided by the square of the step ε, so that cutting a curve in two leaves its cost.
+    Additive,
+}
+
+/// The slips of Algorithm 1, each to be undone on its own. `true` is the corrected reading.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Errata {
+    /// Lines 11 and 19 print SplineCurve(x_new, x_near), from the new node to the old one. Corrected, curves run from
+    /// parent to child, in the direction of travel.
+    pub curves_run_from_parent_to_child: bool,
+    /// Eq. (1) and (2) print the weight (1 - d/w) halved twice over, (1 - d)/(2w). Corrected, it is (1 - d/w)/2, which makes
+    /// the heading continuous along the guide, and headings blend along the shorter arc.
+    pub continuous_heading_prior: bool,
+    /// The listing keeps the heading that was drawn before Steer moved the sample. Corrected, it is drawn again
+    /// where the node ends up.
+    pub heading_drawn_after_steer: bool,
+    /// Line 34 returns at the first arrival. Corrected, the search runs its n iterations and returns the cheapest path.
+    pub run_all_iterations: bool,
+}
+
+impl Errata {
+    /// Every slip corrected.
+    #[must_use]
+    pub fn corrected() -> Self {
+        Self {
+            curves_run_from_parent_to_child: true,
+            continuous_heading_prior: true,
+            heading_drawn_after_steer: true,
+            run_all_iterations: true,
+        }
+    }
+
+    /// As printed.
+    #[must_use]
+    pub fn as_printed() -> Self {
+        Self {
+            curves_run_from_parent_to_child: false,
+            continuous_heading_prior: false,
+            heading_drawn_after_steer: false,
+            run_all_iterations: false,
+        }
+    }
+}
+
+impl Default for Errata {
+    fn default() -> Self {
+        Self::corrected()
+    }
+}
+
+/// Parameters of the planner, the section `[planner]` of a scenario.
+///
+/// Fields whose key ends in `_scales` are lengths in units of `scale_m`; the methods of the same name, without
+/// the ending, give metres.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PlannerParams {
+    /// Which planner: "rrt", "rrt_star", "birrt", "birrt_smooth" or "paper". Only "paper" respects headings and curvature.
+    pub method: Method,
+    /// Largest curvature of the path, 1/m: the inverse of the smallest turning radius (the paper's sigma_MAX).
+    #[serde(rename = "max_curvature_per_m")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
+    pub max_curvature: f64,
+    /// Length unit of the steps below, m: 1 suits a field of 100 m, 0.4 one of 10 m.
+    #[serde(rename = "scale_m")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
+    pub scale: f64,
+    /// Outline that must fit: "bike" (the bike's own), "point", "disc:0.4" (radius), "capsule:1.8x0.6" or "box:1.8x0.6"
+    /// (length x width, m).
+    pub footprint: String,
+    /// Iterations of RRT* (the paper's n): in the corridor for "paper", over the whole field for "rrt_star", which may
+    /// stop sooner at its first arrival. Table 1 leaves it out; 3000 is where the cost has settled on the yard.
+    #[schemars(range(min = 1, max = 1_000_000_000))]
+    pub iterations: u64,
+    /// Most samples that RRT, RRT* and BiRRT may draw before they give up.
+    #[schemars(range(min = 1, max = 1_000_000_000))]
+    pub search_iterations: u64,
+    /// Where a path may end: "pose", the goal itself, or "ball", within the goal's tolerance as printed.
+    pub goal: GoalMode,
+    /// Longest edge of a tree, in units of scale_m (the paper's epsilon; Table 1: 5).
+    #[serde(rename = "max_step_scales")]
+    #[schemars(range(min = 1e-3, max = 1e4))]
+    pub max_step_scales: f64,
+    /// Half width of the corridor about the guide, in units of scale_m (the paper's w; Table 1: 2).
+    #[serde(rename = "corridor_half_width_scales")]
+    #[schemars(range(min = 1e-3, max = 1e4))]
+    pub corridor_half_width_scales: f64,
+    /// Radius in which the corridor RRT* looks for better parents, in units of scale_m (the paper's r, which Table 1 leaves
+    /// out). One step is best: a smaller radius makes many short edges and a rougher path.
+    #[serde(rename = "rewire_radius_scales")]
+    #[schemars(range(min = 0.0, max = 1e4))]
+    pub rewire_radius_scales: f64,
+    /// The same radius for "rrt_star". 2 gives the length the paper prints for that row.
+    #[serde(rename = "rrt_star_radius_scales")]
+    #[schemars(range(min = 0.0, max = 1e4))]
+    pub rrt_star_radius_scales: f64,
+    /// Most neighbours examined per sample of the corridor RRT*, cheapest bound first; bounds the cost of an iteration in a
+    /// crowded tree.
+    #[schemars(range(min = 1, max = 1_000_000))]
+    pub near_limit: usize,
+    /// Half the range in which headings are drawn about the heading of the guide, degrees (the paper's delta theta).
+    #[serde(rename = "heading_spread_deg")]
+    #[schemars(range(min = 0.0, max = 180.0))]
+    pub heading_spread_deg: f64,
+    /// Pairs of points the shortcut tries (the paper's i_smooth; Table 1: 200). Attempts, successful or not.
+    #[schemars(range(min = 0, max = 100_000_000))]
+    pub shortcut_attempts: u64,
+    /// How BiRRT grows its second tree towards a new node of the first: `false` by one step, as the paper's row does; `true`
+    /// until blocked, as in RRT-Connect.
+    pub birrt_connect: bool,
+    /// Magnitude of the tangents of an edge: "chord", "chord_sec2" or "constant". A constant 1 on edges of 5 m, as printed,
+    /// bends them beyond any limit.
+    pub tangent: TangentRule,
+    /// Magnitude of the tangents where `tangent = "constant"`, m per unit of the curve's parameter (the paper's k; Table 1: 1).
+    #[serde(rename = "tangent_speed_m")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
+    pub tangent_speed: f64,
+    /// Cost of an edge: "printed", Eq. (5), or "additive", which does not change when a curve is cut in two.
+    pub cost: CostRule,
+    /// Weight of length in the cost, per metre (the paper's w_p; Table 1: 1).
+    #[schemars(range(min = 0.0, max = 1e9))]
+    pub length_weight: f64,
+    /// Weight of bending in the cost (the paper's w_sigma; Table 1: 1).
+    #[schemars(range(min = 0.0, max = 1e9))]
+    pub curvature_weight: f64,
+    /// Whether the corridor RRT* first tries poses laid out along the guide and around the outside of its corners. Finds a path
+    /// many times sooner; not in the paper.
+    pub structured_seeds: bool,
+    /// Distance kept to every obstacle beyond the outline, m.
+    #[serde(rename = "margin_m")]
+    #[schemars(range(min = 0.0, max = 1e4))]
+    pub margin: f64,
+    /// How far a motion may be from touching and still be refused, in units of scale_m. A motion called free is free without
+    /// any tolerance; smaller values thread narrower gaps and take longer.
+    #[serde(rename = "clearance_resolution_scales")]
+    #[schemars(range(min = 1e-6, max = 1e3))]
+    pub clearance_resolution_scales: f64,
+    /// Slips of the printed algorithm, `true` where corrected.
+    pub errata: Errata,
+}
+
+impl Default for PlannerParams {
+    /// Table 1 with every slip corrected, to the goal pose, for the bike.
+    fn default() -> Self {
+        Self {
+            method: Method::Paper,
+            max_curvature: 0.8,
+            scale: 1.0,
+            footprint: "bike".to_owned(),
+            iterations: 3000,
+            search_iterations: 100_000,
+            goal: GoalMode::Pose,
+            max_step_scales: 5.0,
+            corridor_half_width_scales: 2.0,
+            rewire_radius_scales: 5.0,
+            rrt_star_radius_scales: 2.0,
+            near_limit: 40,
+            heading_spread_deg: 30.0,
+            shortcut_attempts: 200,
+            birrt_connect: false,
+            tangent: TangentRule::Chord,
+            tangent_speed: 1.0,
+            cost: CostRule::Printed,
+            length_weight: 1.0,
+            curvature_weight: 1.0,
+            structured_seeds: true,
+            margin: 0.0,
+            clearance_resolution_scales: 0.02,
+            errata: Errata::corrected(),
+        }
+    }
+}
+
+impl PlannerParams {
+    /// Table 1 as it reproduces Table 2: a point robot, σ_MAX = 1, the path ending in the ball `l`, slips corrected (D1, D4, D5).
+    #[must_use]
+    pub fn table_1() -> Self {
+        Self {
+            max_curvature: 1.0,
+            footprint: "point".to_owned(),
+            goal: GoalMode::Ball,
+            structured_seeds: false,
+            ..Self::default()
+        }
+    }
+
+    /// Table 1 and Algorithm 1 to the letter. Finds nothing on the yard: its edges all exceed σ_MAX.
+    #[must_use]
+    pub fn literal() -> Self {
+        Self {
+            tangent: TangentRule::Constant,
+            errata: Errata::as_printed(),
+            ..Self::table_1()
+        }
+    }
+
+    /// The longest edge of a tree, ε, m.
+    #[must_use]
+    pub fn max_step(&self) -> f64 {
+        self.max_step_scales * self.scale
+    }
+
+    /// Half width of the corridor, w, m.
+    #[must_use]
+    pub fn corridor_half_width(&self) -> f64 {
+        self.corridor_half_width_scales * self.scale
+    }
+
+    /// Rewiring radius r of the corridor RRT*, m.
+    #[must_use]
+    pub fn rewire_radius(&self) -> f64 {
+        self.rewire_radius_scales * self.scale
+    }
+
+    /// Rewiring radius r of the plain RRT*, m.
+    #[must_use]
+    pub fn rrt_star_radius(&self) -> f64 {
+        self.rrt_star_radius_scales * self.scale
+    }
+
+    /// Table 1's radius of the goal ball, l = 3 in units of the scale, m: what to put into
+    /// `GoalRegion::tolerance` where a table is to be reproduced.
+    #[must_use]
+    pub fn table_goal_tolerance(&self) -> f64 {
+        3.0 * self.scale
+    }
+
+    /// Half the range of drawn headings, δθ, rad.
+    #[must_use]
+    pub fn heading_spread(&self) -> f64 {
+        self.heading_spread_deg.to_radians()
+    }
+
+    /// How far from touching a motion may be refused, δ, m.
+    #[must_use]
+    pub fn clearance_resolution(&self) -> f64 {
+        self.clearance_resolution_scales * self.scale
+    }
+
+    /// Checks the numbers a search divides by or steps with, for callers that do not go through a scenario.
+    ///
+    /// # Errors
+    ///
+    /// [`PlanError::InvalidParameter`] for the first that cannot be planned with.
+    pub fn check(&self) -> Result<(), PlanError> {
+        let at_least = |name, value: f64, positive: bool| {
+            let fine = value.is_finite() && if positive { value > 0.0 } else { value >= 0.0 };
+            if fine {
+                return Ok(());
+            }
+            Err(PlanError::InvalidParameter {
+                name,
+                value,
+                expected: if positive {
+                    "a finite number above 0"
+                } else {
+                    "a finite number, 0 or above"
+                },
+            })
+        };
+        at_least("max_curvature_per_m", self.max_curvature, true)?;
+        at_least("scale_m", self.scale, true)?;
+        at_least("max_step_scales", self.max_step_scales, true)?;
+        at_least(
+            "corridor_half_width_scales",
+            self.corridor_half_width_scales,
+            true,
+        )?;
+        at_least("rewire_radius_scales", self.rewire_radius_scales, false)?;
+        at_least("rrt_star_radius_scales", self.rrt_star_radius_scales, false)?;
+        at_least("heading_spread_deg", self.heading_spread_deg, false)?;
+        at_least("tangent_speed_m", self.tangent_speed, true)?;
+        at_least("length_weight", self.length_weight, false)?;
+        at_least("curvature_weight", self.curvature_weight, false)?;
+        at_least("margin_m", self.margin, false)?;
+        at_least(
+            "clearance_resolution_scales",
+            self.clearance_resolution_scales,
+            true,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_make_sense_and_survive_a_round_trip() {
+        for params in [
+            PlannerParams::default(),
+            PlannerParams::table_1(),
+            PlannerParams::literal(),
+        ] {
+            params.check().unwrap();
+            let text = serde_json::to_string(&params).unwrap();
+            assert_eq!(
+                serde_json::from_str::<PlannerParams>(&text).unwrap(),
+                params
+            );
+        }
+    }
+
+    #[test]
+    fn keys_carry_their_units() {
+        let params: PlannerParams =
+            serde_json::from_str(r#"{"method": "birrt_smooth", "max_curvature_per_m": 0.5, "scale_m": 2.0, "goal": "ball"}"#)
+                .unwrap();
+        assert_eq!(params.method, Method::BirrtSmooth);
+        assert_eq!(
+            (
+                params.max_step(),
+                params.corridor_half_width(),
+                params.max_curvature
+            ),
+            (10.0, 4.0, 0.5)
+        );
+        assert!(serde_json::from_str::<PlannerParams>(r#"{"max_curvature": 0.5}"#).is_err());
+    }
+
+    #[test]
+    fn names_of_methods_are_those_of_the_files() {
+        for method in Method::ALL {
+            assert_eq!(serde_json::to_value(method).unwrap(), method.name());
+            assert_eq!(method.name().parse::<Method>().unwrap(), method);
+        }
+        assert!(
+            "dijkstra"
+                .parse::<Method>()
+                .unwrap_err()
+                .contains("birrt_smooth")
+        );
+    }
+
+    #[test]
+    fn names_the_number_that_cannot_be_planned_with() {
+        for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let params = PlannerParams {
+                scale,
+                ..PlannerParams::default()
+            };
+            let error = params.check().unwrap_err();
+            assert!(
+                matches!(
+                    error,
+                    PlanError::InvalidParameter {
+                        name: "scale_m",
+                        ..
+                    }
+                ),
+                "{error}"
+            );
+        }
+    }
+}

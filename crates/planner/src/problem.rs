@@ -1,0 +1,160 @@
+//! What is to be planned: where, with which outline, from where to where, how tightly it may turn.
+
+use crate::error::{End, PlanError};
+use crate::motion::MotionChecker;
+use bikebot_geometry::{Point2, Pose2};
+use bikebot_world::{Footprint, World};
+
+/// A position, with a heading or free to choose one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EndPose {
+    /// Position of the footprint's reference point, m.
+    pub position: Point2,
+    /// Heading counter-clockwise from +x, rad; `None`: any.
+    pub heading: Option<f64>,
+}
+
+impl EndPose {
+    /// An end with a heading (rad).
+    #[must_use]
+    pub fn pose(x: f64, y: f64, heading: f64) -> Self {
+        Self {
+            position: Point2::new(x, y),
+            heading: Some(heading),
+        }
+    }
+
+    /// An end with any heading.
+    #[must_use]
+    pub fn point(x: f64, y: f64) -> Self {
+        Self {
+            position: Point2::new(x, y),
+            heading: None,
+        }
+    }
+}
+
+/// 𝒳_goal: the goal pose, and how near counts as there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GoalRegion {
+    /// Position of the footprint's reference point, m.
+    pub position: Point2,
+    /// Heading counter-clockwise from +x, rad; `None`: any.
+    pub heading: Option<f64>,
+    /// The paper's `l`, m: radius of the ball in which a search to [`GoalMode::Ball`](crate::params::GoalMode)
+    /// may end. Not used where the goal itself must be reached.
+    pub tolerance: f64,
+}
+
+impl GoalRegion {
+    /// The goal without its tolerance.
+    #[must_use]
+    pub fn end(&self) -> EndPose {
+        EndPose {
+            position: self.position,
+            heading: self.heading,
+        }
+    }
+
+    /// Whether `position` is within the tolerance of the goal's position.
+    #[must_use]
+    pub fn contains(&self, position: Point2) -> bool {
+        (position - self.position).norm() <= self.tolerance
+    }
+}
+
+/// One question to the planner. Borrows the world, which may be shared between many.
+#[derive(Debug, Clone)]
+pub struct PlanningProblem<'w> {
+    /// 𝒳 and 𝒳_obst.
+    pub world: &'w World,
+    /// What must fit.
+    pub footprint: Footprint,
+    /// x_init.
+    pub start: EndPose,
+    /// 𝒳_goal.
+    pub goal: GoalRegion,
+    /// σ_MAX, 1/m, > 0.
+    pub max_curvature: f64,
+}
+
+impl PlanningProblem<'_> {
+    /// Checks that the question makes sense: finite numbers, ends on the map and `margin` (m) clear of obstacles.
+    ///
+    /// An end with a heading is checked for the whole footprint; one without, for the largest disc about the
+    /// reference point that the footprint contains, since any heading will do.
+    ///
+    /// # Errors
+    ///
+    /// The first thing found wrong.
+    pub fn check(&self, margin: f64) -> Result<(), PlanError> {
+        let positive = |name, value: f64| {
+            if value.is_finite() && value > 0.0 {
+                Ok(())
+            } else {
+                Err(PlanError::InvalidParameter {
+                    name,
+                    value,
+                    expected: "a finite number above 0",
+                })
+            }
+        };
+        positive("max_curvature_per_m", self.max_curvature)?;
+        if !(self.goal.tolerance.is_finite() && self.goal.tolerance >= 0.0) {
+            return Err(PlanError::InvalidParameter {
+                name: "tolerance_m",
+                value: self.goal.tolerance,
+                expected: "a finite number, 0 or above",
+            });
+        }
+        self.check_end(End::Start, &self.start, margin)?;
+        self.check_end(End::Goal, &self.goal.end(), margin)
+    }
+
+    fn check_end(&self, which: End, end: &EndPose, margin: f64) -> Result<(), PlanError> {
+        let EndPose { position, heading } = *end;
+        for (name, value) in [
+            ("x_m", position.x),
+            ("y_m", position.y),
+            ("heading_rad", heading.unwrap_or(0.0)),
+        ] {
+            if !value.is_finite() {
+                return Err(PlanError::InvalidParameter {
+                    name,
+                    value,
+                    expected: "a finite number",
+                });
+            }
+        }
+        if !self.world.is_inside(position) {
+            let bounds = self.world.bounds();
+            return Err(PlanError::OutsideMap {
+                which,
+                position,
+                min: bounds.min,
+                max: bounds.max,
+            });
+        }
+        let checker = MotionChecker::new(self.world, &self.footprint, margin, 0.0);
+        let clearance = match heading {
+            Some(heading) => checker.pose_clearance(&Pose2 { position, heading }),
+            None => checker.position_clearance(position),
+        };
+        // Not `<`: a clearance that is not a number is no clearance.
+        if clearance > margin {
+            return Ok(());
+        }
+        Err(match which {
+            End::Start => PlanError::StartInObstacle {
+                position,
+                clearance,
+                margin,
+            },
+            End::Goal => PlanError::GoalInObstacle {
+                position,
+                clearance,
+                margin,
+            },
+        })
+    }
+}
