@@ -1,1 +1,42 @@
 //! Plant models of the bike robot, its actuators and sensors.
+//!
+//! A *plant* says how fast its state changes ([`plant::Plant`]); an *integrator* moves the
+//! state along that rate ([`integrator::Integrator`]); neither knows the other's insides.
+//!
+//! | file | holds |
+//! |---|---|
+//! | [`params`] | [`BikeParams`] and the numbers derived from it |
+//! | [`two_link`] | roll and balancer: `M(q) q̈ + h(q, q̇) = B τ` |
+//! | [`bike`] | the simplified 3D bike: plane motion, steering, roll, balancer |
+//! | [`contact`] | tyre forces and wheel loads of the simplified bike |
+//! | [`kinematic`] | plane motion without slip, nothing else |
+//! | [`actuator`] | every limit and every lag, in one place |
+//! | [`sensor`] | what the bike believes of its own state |
+//!
+//! SI units and radians throughout. Frames and signs are written down once, in
+//! `docs/frames.md`: roll is positive to the right, steer and yaw are positive to the left.
+
+pub mod actuator;
+pub mod bike;
+mod chance;
+pub mod constants;
+pub mod contact;
+mod error;
+mod inertia;
+pub mod integrator;
+pub mod kinematic;
+pub mod params;
+pub mod plant;
+pub mod sensor;
+pub mod two_link;
+
+pub use actuator::{Actuators, Applied, Command, Saturation};
+pub use bike::{Bike, BikeAcceleration, BikeInput, BikeState};
+pub use contact::ContactForces;
+pub use error::DynamicsError;
+pub use integrator::{ExplicitEuler, Integrator, Rk4};
+pub use kinematic::{Kinematic, KinematicInput, KinematicState};
+pub use params::{BalancerMode, BikeParams, LeanCoefficients, Lumped, ModeChangeCondition, Offset};
+pub use plant::{Plant, State};
+pub use sensor::{Measurement, SensorParams, Sensors};
+pub use two_link::{Linearisation, TwoLink, TwoLinkInput, TwoLinkState};

@@ -1,0 +1,43 @@
+//! What makes no sense in this crate.
+
+/// A parameter set that no real bike or sensor can have.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DynamicsError {
+    /// Three moments of inertia that no distribution of mass has: the largest exceeds the sum
+    /// of the other two.
+    #[error(
+        "the moments of inertia of {link} are impossible: {x} {y} {z} kg m² about x, y, z, \
+         and the largest exceeds the sum of the other two"
+    )]
+    ImpossibleInertia {
+        /// `"link 1"` (frame) or `"link 2"` (balancer).
+        link: &'static str,
+        /// About the roll axis, kg m².
+        x: f64,
+        /// About the lateral axis, kg m².
+        y: f64,
+        /// About the vertical axis, kg m².
+        z: f64,
+    },
+    /// A product of inertia that makes the inertia tensor indefinite.
+    #[error(
+        "the product of inertia {product} kg m² is impossible beside {x} and {z} kg m²: \
+         its square must stay below their product"
+    )]
+    ImpossibleProduct {
+        /// `I1xz`, kg m².
+        product: f64,
+        /// `I1x`, kg m².
+        x: f64,
+        /// `I1z`, kg m².
+        z: f64,
+    },
+    /// A laser whose nearest reading lies beyond its farthest.
+    #[error("the laser's least range {min} m must stay below its largest range {max} m")]
+    EmptyRange {
+        /// Least range, m.
+        min: f64,
+        /// Largest range, m.
+        max: f64,
+    },
+}
