@@ -7,9 +7,12 @@
 
 pub mod budget;
 pub mod chance;
+pub mod cost;
 pub mod error;
 pub mod kd_tree;
 pub mod params;
+pub mod sampler;
+pub mod steer;
 pub mod tree;
 
 pub use budget::{Budget, CutShort, Meter, StopReason};
