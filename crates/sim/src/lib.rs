@@ -1,1 +1,4 @@
 //! Scenario, closed loop, recorder, sweeps.
+
+pub mod clock;
+pub mod record;
