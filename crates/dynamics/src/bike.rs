@@ -270,3 +270,220 @@ fn solve(m: &Matrix3<f64>, f: &Vector3<f64>) -> Vector3<f64> {
     let x0 = (f[0] - m[(0, 1)] * x1 - m[(0, 2)] * x2) / m[(0, 0)];
     Vector3::new(x0, x1, x2)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrator::{Integrator, Rk4};
+    use crate::two_link::TwoLinkInput;
+    use approx::assert_relative_eq;
+
+    fn bike() -> Bike {
+        Bike::new(BikeParams::default())
+    }
+
+    fn rolling(speed: f64) -> BikeState {
+        BikeState::upright(Pose2::new(0.0, 0.0, 0.0), speed)
+    }
+
+    /// The roll at which a steady turn needs no roll acceleration, by bisection.
+    fn steady_lean(bike: &Bike, speed: f64, curvature: f64) -> f64 {
+        let (mut low, mut high) = (-1.0, 1.0);
+        for _ in 0..60 {
+            let roll = 0.5 * (low + high);
+            let state = BikeState {
+                steer: (curvature * bike.params.wheelbase).atan(),
+                roll,
+                ..rolling(speed)
+            };
+            // Leaning further to the right than balanced falls to the right.
+            if bike.accelerations(&state, &BikeInput::default()).roll > 0.0 {
+                high = roll;
+            } else {
+                low = roll;
+            }
+        }
+        0.5 * (low + high)
+    }
+
+    #[test]
+    fn a_steady_left_turn_leans_left_by_the_full_moment_balance() {
+        // §5.2: 1.5 m/s on a radius of 3 m, against −atan(v ω/g) of a point mass.
+        let lean = steady_lean(&bike(), 1.5, 1.0 / 3.0).to_degrees();
+        assert!((lean + 4.302).abs() < 5e-4, "{lean}");
+        let point_mass = -(1.5_f64 * 0.5 / 9.81).atan().to_degrees();
+        assert!((point_mass + 4.372).abs() < 5e-4);
+        let right = steady_lean(&bike(), 1.5, -1.0 / 3.0).to_degrees();
+        assert!((right + lean).abs() < 1e-9);
+    }
+
+    #[test]
+    fn straight_ahead_the_bike_rolls_as_the_two_link_model() {
+        let bike = bike();
+        let state = BikeState {
+            roll: 0.1,
+            balancer: -0.7,
+            roll_rate: 0.3,
+            balancer_rate: 2.0,
+            ..rolling(1.3)
+        };
+        let input = BikeInput {
+            drive_force: 25.0,
+            balancer_torque: -11.0,
+            roll_moment: 3.0,
+            offset: Offset {
+                d: 0.1,
+                rate: 0.05,
+                acceleration: -0.2,
+            },
+            ..BikeInput::default()
+        };
+        let a = bike.accelerations(&state, &input);
+        let links = TwoLink::new(&bike.params, input.offset).accelerations(
+            &(&state).into(),
+            &TwoLinkInput {
+                balancer_torque: -11.0,
+                roll_moment: 3.0,
+            },
+        );
+        assert_relative_eq!(a.roll, links[0], max_relative = 1e-13);
+        assert_relative_eq!(a.balancer, links[1], max_relative = 1e-13);
+        assert_relative_eq!(a.speed, 25.0 / 50.0, max_relative = 1e-15);
+    }
+
+    #[test]
+    fn an_upright_bike_rolls_under_steering_as_the_lean_coefficients_say() {
+        // §5.2 with the balancer locked: M11 α̈ − b1 α = (A v/w) ψ̇ + (H v²/w) ψ.
+        let bike = bike();
+        let (v, steer, steer_rate) = (1.5, 1e-5, 1e-5);
+        let state = BikeState {
+            steer,
+            ..rolling(v)
+        };
+        let input = BikeInput {
+            steer_rate,
+            ..BikeInput::default()
+        };
+        let a = bike.accelerations(&state, &input);
+        let m = TwoLink::new(&bike.params, 0.0).mass_matrix(0.0);
+        let turn = bike.params.lean_coefficients(0.0);
+        let w = bike.params.wheelbase;
+        let moment = turn.yaw * v * steer_rate / w + turn.centrifugal * v * v * steer / w;
+        // Quadratic terms of the small angles remain.
+        assert_relative_eq!(
+            m[(0, 0)] * a.roll + m[(0, 1)] * a.balancer,
+            moment,
+            max_relative = 1e-8
+        );
+    }
+
+    #[test]
+    fn a_slope_pulls_like_a_force_at_the_centre_of_gravity() {
+        let bike = bike();
+        let pull = BikeInput {
+            slope_force: -24.5,
+            ..BikeInput::default()
+        };
+        let a = bike.accelerations(&rolling(1.0), &pull);
+        assert_relative_eq!(a.speed, -24.5 / 50.0, max_relative = 1e-15);
+        // Leaning right in a left turn, the centre of gravity travels the larger circle.
+        let state = BikeState {
+            steer: 0.5,
+            roll: 0.2,
+            ..rolling(1.0)
+        };
+        let drive = BikeInput {
+            drive_force: -24.5,
+            ..BikeInput::default()
+        };
+        let by_slope = bike.accelerations(&state, &pull).speed;
+        let by_wheel = bike.accelerations(&state, &drive).speed;
+        assert!(by_slope < by_wheel);
+    }
+
+    #[test]
+    fn the_heading_wraps_while_the_balancer_counts_its_turns() {
+        let bike = bike();
+        let mut state = BikeState {
+            pose: Pose2::new(0.0, 0.0, 3.1),
+            steer: 0.3,
+            balancer_rate: 10.0,
+            ..rolling(1.5)
+        };
+        // Held upright, so that only heading and balancer turn.
+        for i in 0..800 {
+            state = Rk4.step(
+                &bike,
+                f64::from(i) * 2.5e-3,
+                &state,
+                &BikeInput::default(),
+                2.5e-3,
+            );
+            state.roll = 0.0;
+            state.roll_rate = 0.0;
+        }
+        assert!(state.pose.heading.abs() <= std::f64::consts::PI);
+        assert!(
+            state.pose.heading < 0.0,
+            "turned left through west: {}",
+            state.pose.heading
+        );
+        assert!(state.balancer > std::f64::consts::TAU);
+    }
+
+    #[test]
+    fn an_open_loop_run_gains_exactly_the_work_done() {
+        let bike = bike();
+        let offset = Offset::fixed(0.15);
+        let mut state = BikeState {
+            roll: 0.02,
+            balancer: 0.1,
+            steer: 0.05,
+            ..rolling(1.2)
+        };
+        let before = bike.energy(&state, &offset);
+        let dt = 1e-3;
+        let mut work = 0.0;
+        let power = |s: &BikeState, i: &BikeInput| {
+            i.drive_force * s.speed
+                + i.balancer_torque * s.balancer_rate
+                + i.roll_moment * s.roll_rate
+        };
+        for i in 0..500 {
+            let t = f64::from(i) * dt;
+            let input = BikeInput {
+                drive_force: 5.0,
+                steer_rate: 0.2 * t.cos(),
+                balancer_torque: -3.0 * (2.0 * t).sin(),
+                roll_moment: 1.0,
+                offset,
+                ..BikeInput::default()
+            };
+            let middle = Rk4.step(&bike, t, &state, &input, 0.5 * dt);
+            let end = Rk4.step(&bike, t, &state, &input, dt);
+            // Simpson's rule over the step.
+            work += dt / 6.0
+                * (power(&state, &input) + 4.0 * power(&middle, &input) + power(&end, &input));
+            state = end;
+        }
+        // Rounding of energies near 300 J over 500 steps.
+        assert!((bike.energy(&state, &offset) - before - work).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_state_that_is_not_finite_is_recognised() {
+        assert!(rolling(1.0).is_finite());
+        assert!(
+            !BikeState {
+                roll_rate: f64::NAN,
+                ..rolling(1.0)
+            }
+            .is_finite()
+        );
+        let lost = BikeState {
+            steer: f64::INFINITY,
+            ..rolling(1.0)
+        };
+        assert!(!lost.is_finite());
+    }
+}

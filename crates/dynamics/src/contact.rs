@@ -142,3 +142,97 @@ impl Bike {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::BikeParams;
+    use approx::assert_relative_eq;
+    use bikebot_geometry::Pose2;
+
+    fn bike() -> Bike {
+        Bike::new(BikeParams::default())
+    }
+
+    fn rolling(speed: f64) -> BikeState {
+        BikeState::upright(Pose2::new(0.0, 0.0, 0.0), speed)
+    }
+
+    #[test]
+    fn a_standing_bike_presses_with_its_weight_by_the_lever_rule() {
+        let forces = bike().contact_forces(&rolling(0.0), &BikeInput::default());
+        let front = GRAVITY * (38.0 * 0.48 + 12.0 * 0.30) / 1.12;
+        assert_relative_eq!(forces.front_load, front, max_relative = 1e-14);
+        assert_relative_eq!(
+            forces.rear_load,
+            50.0 * GRAVITY - front,
+            max_relative = 1e-14
+        );
+        assert_eq!(forces.rear_lateral, 0.0);
+        assert_eq!(forces.front_normal, 0.0);
+        assert!(forces.both_wheels_down());
+    }
+
+    #[test]
+    fn driving_loads_the_rear_wheel_and_climbing_does_so_without_accelerating() {
+        let bike = bike();
+        let still = bike.contact_forces(&rolling(1.0), &BikeInput::default());
+        let driving = BikeInput {
+            drive_force: 50.0,
+            ..BikeInput::default()
+        };
+        let climbing = BikeInput {
+            slope_force: -50.0,
+            ..driving
+        };
+        // Load transfer F h/w with the common centre of gravity at h.
+        let h = (38.0 * 0.52 + 12.0 * 0.80) / 50.0;
+        for input in [driving, climbing] {
+            let forces = bike.contact_forces(&rolling(1.0), &input);
+            let transfer = still.front_load - forces.front_load;
+            assert_relative_eq!(transfer, 50.0 * h / 1.12, max_relative = 1e-12);
+        }
+        assert!(bike.accelerations(&rolling(1.0), &climbing).speed.abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_left_turn_is_held_by_forces_to_the_left_that_sum_to_the_centripetal_force() {
+        let bike = bike();
+        let steer = (1.12_f64 / 3.0).atan();
+        // The steady lean of this turn.
+        let state = BikeState {
+            steer,
+            roll: -4.302_f64.to_radians(),
+            ..rolling(1.5)
+        };
+        let forces = bike.contact_forces(&state, &BikeInput::default());
+        assert!(forces.rear_lateral > 0.0 && forces.front_normal > 0.0);
+        let lateral = forces.rear_lateral + forces.front_normal * steer.cos();
+        let q = Moments::new(&bike.params, &state, &Offset::fixed(0.0));
+        // m v ω − ω² SY: the centre of gravity leans into the turn. The remaining roll
+        // acceleration of the rounded lean is below 1e-3 rad/s².
+        let centripetal = 50.0 * 1.5 * 0.5 - 0.25 * q.sy;
+        assert_relative_eq!(lateral, centripetal, epsilon = 0.03);
+    }
+
+    #[test]
+    fn friction_use_is_demand_over_friction_and_infinite_for_a_lifted_wheel() {
+        let forces = ContactForces {
+            drive: 30.0,
+            rear_lateral: -40.0,
+            front_normal: -35.0,
+            rear_load: 250.0,
+            front_load: 100.0,
+        };
+        assert_eq!(forces.friction_demand_rear(), 0.2);
+        assert_eq!(forces.friction_demand_front(), 0.35);
+        assert_eq!(forces.friction_use_rear(0.5), 0.4);
+        assert_eq!(forces.friction_use_front(0.7), 0.5);
+        let lifted = ContactForces {
+            rear_load: -1.0,
+            ..forces
+        };
+        assert_eq!(lifted.friction_use_rear(0.7), f64::INFINITY);
+        assert!(!lifted.both_wheels_down());
+    }
+}

@@ -303,3 +303,241 @@ impl Odometer {
         self.last = Some((t, speed, yaw_rate));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bike::{Bike, BikeInput};
+    use crate::integrator::{Integrator, Rk4};
+    use rand::SeedableRng;
+
+    const TICK: f64 = 0.005;
+
+    fn sensors(params: &SensorParams) -> Sensors {
+        let rng = ChaCha8Rng::seed_from_u64(11);
+        Sensors::new(params, &BikeParams::default(), TICK, rng)
+    }
+
+    fn somewhere() -> BikeState {
+        BikeState {
+            steer: 0.2,
+            roll: 0.05,
+            balancer: 7.0,
+            roll_rate: -0.1,
+            balancer_rate: 2.0,
+            ..BikeState::upright(Pose2::new(3.0, -2.0, 1.0), 1.4)
+        }
+    }
+
+    /// A weaving ride of two seconds, held upright; calls `visit` at every control tick.
+    fn ride(mut visit: impl FnMut(f64, &BikeState)) {
+        let bike = Bike::new(BikeParams::default());
+        let mut state = somewhere();
+        for tick in 0..400 {
+            let t = f64::from(tick) * TICK;
+            visit(t, &state);
+            let input = BikeInput {
+                steer_rate: (3.0 * t).cos(),
+                drive_force: 10.0,
+                ..Default::default()
+            };
+            state = Rk4.step(&bike, t, &state, &input, TICK);
+            state.roll = 0.0;
+            state.roll_rate = 0.0;
+        }
+    }
+
+    #[test]
+    fn by_default_the_measurement_is_the_truth_to_the_last_bit() {
+        let mut sensors = sensors(&SensorParams::default());
+        ride(|t, truth| {
+            assert_eq!(
+                sensors.measure(t, truth, 0.3),
+                Measurement::ideal(truth, 0.3)
+            );
+        });
+    }
+
+    #[test]
+    fn noise_leaves_the_truth_bit_equal() {
+        let noisy = SensorParams {
+            roll_sigma_deg: 1.0,
+            roll_bias_deg: 2.0,
+            roll_rate_sigma: 0.1,
+            position_sigma: 0.5,
+            pose_rate: 10.0,
+            pose_delay: 0.1,
+            ..SensorParams::default()
+        };
+        let mut sensors = sensors(&noisy);
+        let mut with = Vec::new();
+        ride(|t, truth| {
+            assert_ne!(sensors.measure(t, truth, 0.0).roll, truth.roll);
+            with.push(*truth);
+        });
+        let mut without = Vec::new();
+        ride(|_, truth| without.push(*truth));
+        assert_eq!(with, without);
+    }
+
+    #[test]
+    fn mean_and_spread_of_the_noise_are_those_asked_for() {
+        let params = SensorParams {
+            roll_sigma_deg: 0.3,
+            roll_bias_deg: 0.5,
+            roll_rate_sigma: 0.02,
+            roll_rate_bias: -0.01,
+            steer_sigma_deg: 0.2,
+            speed_sigma: 0.05,
+            position_sigma: 0.04,
+            heading_sigma_deg: 1.5,
+            ..SensorParams::default()
+        };
+        let mut sensors = sensors(&params);
+        let truth = somewhere();
+        let expected = [
+            (0.5_f64.to_radians(), 0.3_f64.to_radians()),
+            (-0.01, 0.02),
+            (0.0, 0.2_f64.to_radians()),
+            (0.0, 0.05),
+            (0.0, 0.04),
+            (0.0, 0.04),
+            (0.0, 1.5_f64.to_radians()),
+        ];
+        let n = 100_000;
+        let (mut sums, mut squares) = ([0.0; 7], [0.0; 7]);
+        for i in 0..n {
+            let m = sensors.measure(f64::from(i) * TICK, &truth, 0.0);
+            let errors = [
+                m.roll - truth.roll,
+                m.roll_rate - truth.roll_rate,
+                m.steer - truth.steer,
+                m.speed - truth.speed,
+                m.pose.position.x - truth.pose.position.x,
+                m.pose.position.y - truth.pose.position.y,
+                angle::difference(m.pose.heading, truth.pose.heading),
+            ];
+            for (k, error) in errors.iter().enumerate() {
+                sums[k] += error;
+                squares[k] += (error - expected[k].0).powi(2);
+            }
+        }
+        let n = f64::from(n);
+        for (k, (mean, sigma)) in expected.into_iter().enumerate() {
+            // Three standard errors of a mean, σ/√n, and of a deviation, σ/√(2n).
+            assert!(
+                (sums[k] / n - mean).abs() < 3.0 * sigma / n.sqrt(),
+                "mean of {k}"
+            );
+            let measured = (squares[k] / n).sqrt();
+            assert!(
+                (measured - sigma).abs() < 3.0 * sigma / (2.0 * n).sqrt(),
+                "sigma of {k}"
+            );
+        }
+    }
+
+    #[test]
+    fn one_channels_noise_does_not_change_anothers() {
+        let quiet = SensorParams {
+            roll_sigma_deg: 0.3,
+            ..SensorParams::default()
+        };
+        let loud = SensorParams {
+            speed_sigma: 1.0,
+            position_sigma: 0.2,
+            pose_rate: 10.0,
+            ..quiet
+        };
+        let (mut quiet, mut loud) = (sensors(&quiet), sensors(&loud));
+        ride(|t, truth| {
+            let (a, b) = (quiet.measure(t, truth, 0.0), loud.measure(t, truth, 0.0));
+            assert_eq!(a.roll, b.roll);
+        });
+    }
+
+    #[test]
+    fn a_slow_late_pose_without_replay_is_the_truth_of_its_stamp() {
+        let params = SensorParams {
+            pose_rate: 10.0,
+            pose_delay: 0.1,
+            odometry_replay: false,
+            ..SensorParams::default()
+        };
+        let mut sensors = sensors(&params);
+        let mut truths = Vec::new();
+        ride(|t, truth| {
+            truths.push(truth.pose);
+            let tick = truths.len() - 1;
+            // Stamps every 20 ticks, received 20 ticks later; the first is known at once.
+            let stamp = (tick / 20).saturating_sub(1) * 20;
+            assert_eq!(
+                sensors.measure(t, truth, 0.0).pose,
+                truths[stamp],
+                "tick {tick}"
+            );
+        });
+    }
+
+    #[test]
+    fn a_delay_alone_shifts_the_pose_by_whole_ticks() {
+        let params = SensorParams {
+            pose_delay: 7.0 * TICK,
+            odometry_replay: false,
+            ..SensorParams::default()
+        };
+        let mut sensors = sensors(&params);
+        let mut truths = Vec::new();
+        ride(|t, truth| {
+            truths.push(truth.pose);
+            let stamp = (truths.len() - 1).saturating_sub(7);
+            assert_eq!(sensors.measure(t, truth, 0.0).pose, truths[stamp]);
+        });
+    }
+
+    #[test]
+    fn replayed_odometry_reconstructs_the_present_pose_from_an_old_stamp() {
+        let params = SensorParams {
+            pose_rate: 10.0,
+            pose_delay: 0.1,
+            ..SensorParams::default()
+        };
+        let mut sensors = sensors(&params);
+        ride(|t, truth| {
+            let pose = sensors.measure(t, truth, 0.0).pose;
+            // 0.2 s of dead reckoning at 5 ms: the trapezoidal rule leaves dt² v̈ t/12 ~ 1e-6.
+            assert!((pose.position - truth.pose.position).norm() < 5e-6);
+            assert!(angle::difference(pose.heading, truth.pose.heading).abs() < 5e-6);
+        });
+    }
+
+    #[test]
+    fn a_slow_pose_rate_does_not_drift() {
+        // 30 Hz does not divide 200 Hz: 60 stamps in two seconds all the same.
+        let params = SensorParams {
+            pose_rate: 30.0,
+            odometry_replay: false,
+            ..SensorParams::default()
+        };
+        let mut sensors = sensors(&params);
+        let mut poses = Vec::new();
+        ride(|t, truth| poses.push(sensors.measure(t, truth, 0.0).pose));
+        poses.dedup();
+        assert_eq!(poses.len(), 60);
+    }
+
+    #[test]
+    fn measuring_never_outgrows_the_buffer() {
+        let params = SensorParams {
+            pose_delay: 0.1,
+            ..SensorParams::default()
+        };
+        // Asked four times as often as announced: the oldest poses give way.
+        let mut sensors = sensors(&params);
+        let capacity = sensors.in_flight.capacity();
+        for i in 0..1000 {
+            sensors.measure(f64::from(i) * TICK / 4.0, &somewhere(), 0.0);
+        }
+        assert_eq!(sensors.in_flight.capacity(), capacity);
+    }
+}

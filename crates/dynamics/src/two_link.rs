@@ -298,3 +298,110 @@ fn solve(m: &Matrix2<f64>, f: &Vector2<f64>) -> Vector2<f64> {
         m[(0, 0)] * f[1] - m[(0, 1)] * f[0],
     ) / det
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrator::{Integrator, Rk4};
+    use proptest::prelude::*;
+
+    fn state(roll: f64, balancer: f64, roll_rate: f64, balancer_rate: f64) -> TwoLinkState {
+        TwoLinkState {
+            roll,
+            balancer,
+            roll_rate,
+            balancer_rate,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_mass_matrix_is_symmetric_and_positive_definite(
+            beta in -20.0..20.0, d in 0.0..1.0, m2 in 0.1..50.0, l in 0.1..1.5,
+            i2x in 1e-3..5.0,
+        ) {
+            let params = BikeParams { m2, l, i2x, ..BikeParams::default() };
+            let m = TwoLink::new(&params, d).mass_matrix(beta);
+            prop_assert_eq!(m[(0, 1)], m[(1, 0)]);
+            prop_assert!(m[(0, 0)] > 0.0 && m[(1, 1)] > 0.0);
+            prop_assert!(m.determinant() > 0.0);
+        }
+
+        #[test]
+        fn the_coriolis_matrix_makes_mass_rate_minus_twice_itself_skew(
+            roll in -1.0..1.0, beta in -7.0..7.0, roll_rate in -3.0..3.0,
+            beta_rate in -20.0..20.0, d in 0.0..0.5,
+        ) {
+            let model = TwoLink::new(&BikeParams::default(), d);
+            let s = state(roll, beta, roll_rate, beta_rate);
+            let c = model.coriolis_matrix(&s);
+            let a3 = model.lumped().a3;
+            let mass_rate = Matrix2::new(-2.0, -1.0, -1.0, 0.0) * (a3 * beta.sin() * beta_rate);
+            let n = mass_rate - c * 2.0;
+            // Sums of a few products near 100: rounding only.
+            prop_assert!((n + n.transpose()).norm() < 1e-12);
+            let product = c * Vector2::new(roll_rate, beta_rate);
+            prop_assert!((product - model.coriolis(&s)).norm() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn a_free_fall_keeps_its_energy() {
+        let model = TwoLink::new(&BikeParams::default(), 0.15);
+        let mut s = state(0.1, 0.5, 0.0, -2.0);
+        let before = model.energy(&s);
+        for i in 0..2000 {
+            s = Rk4.step(
+                &model,
+                f64::from(i) * 1e-3,
+                &s,
+                &TwoLinkInput::default(),
+                1e-3,
+            );
+        }
+        // RK4 at 1 ms over 2 s of a fall with rates near 10 rad/s, relative to 300 J.
+        assert!((model.energy(&s) / before - 1.0).abs() < 1e-8);
+    }
+
+    #[test]
+    fn the_joint_torque_leaves_the_momentum_about_the_contact_line_alone() {
+        let model = TwoLink::new(&BikeParams::default(), 0.15);
+        let s = state(0.1, -0.4, 0.3, 1.0);
+        for torque in [-70.0, 0.0, 70.0] {
+            let input = TwoLinkInput {
+                balancer_torque: torque,
+                roll_moment: 4.0,
+            };
+            let rate = model.rate(0.0, &s, &input);
+            let h = 1e-5;
+            let measured = (model.momentum(&s.moved(&rate, h))
+                - model.momentum(&s.moved(&rate, -h)))
+                / (2.0 * h);
+            assert!((measured - model.momentum_rate(&s, 4.0)).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_small_disturbance_falls_as_the_linearisation_says() {
+        let model = TwoLink::new(&BikeParams::default(), 0.0);
+        let linear = model.linearisation();
+        let small = 1e-6;
+        let s = state(small, -2.0 * small, 0.0, 0.0);
+        let input = TwoLinkInput {
+            balancer_torque: small,
+            roll_moment: 0.0,
+        };
+        let nonlinear = model.rate(0.0, &s, &input);
+        let x = Vector4::new(s.roll, s.balancer, 0.0, 0.0);
+        let linearised = linear.a * x + linear.b * small;
+        // The neglected terms are cubic.
+        assert!((nonlinear - linearised).norm() < 1e-14);
+    }
+
+    #[test]
+    fn the_balancer_hangs_still_below_its_pivot() {
+        let model = TwoLink::new(&BikeParams::default(), 0.15);
+        let hanging = state(0.0, std::f64::consts::PI, 0.0, 0.0);
+        assert!(model.rate(0.0, &hanging, &TwoLinkInput::default()).norm() < 1e-12);
+    }
+}
