@@ -1,1 +1,35 @@
 //! Obstacles, grids, and the questions one can ask them.
+//!
+//! A [`World`] is a bounded piece of the plane with solid obstacles in it: discs, polygons and
+//! blocks, an [`OccupancyGrid`], or both. It is built once, never changes, and may be asked from
+//! any thread:
+//!
+//! | question | answer |
+//! |---|---|
+//! | [`World::clearance`] | signed distance (m) from a point to the nearest obstacle or field edge |
+//! | [`World::clearance_lower_bound`] | a cheaper number that is never above it |
+//! | [`World::footprint_clearance`] | the same for a [`Footprint`] carried by a pose |
+//! | [`World::overlaps`] | does the footprint touch anything solid? |
+//! | [`World::cast_ray`], [`World::cast_fan`] | how far does a beam travel? |
+//!
+//! [`formats`] turns the bytes of map files into worlds; this crate opens no file itself.
+//!
+//! Frame: x right, y up, metres; angles in radians, counter-clockwise from +x.
+
+mod clearance_field;
+mod error;
+mod field_edge;
+mod footprint;
+pub mod formats;
+mod grid;
+pub mod map_text;
+mod obstacle;
+mod primitive;
+mod query;
+mod world;
+
+pub use error::WorldError;
+pub use footprint::{Footprint, FootprintDisc, FootprintError};
+pub use grid::{Cell, CellRectangle, GridTraversal, OccupancyGrid};
+pub use obstacle::{Bounds, Obstacle};
+pub use world::World;

@@ -1,0 +1,508 @@
+//! Nearest obstacle, first obstacle along a ray, overlap with a footprint.
+//!
+//! The **only** file that names parry; its types stop here. parry supplies the bounding-volume
+//! trees and the decomposition of polygons into convex parts. The distances themselves are the
+//! closed forms of [`crate::primitive`]: exact to rounding, also inside non-convex solids,
+//! where an iterative pair query would be good to 1e-6 m. The tests hold the two against each
+//! other.
+
+use std::sync::{Arc, OnceLock};
+
+use bikebot_geometry::{Point2, Vector2};
+use parry2d_f64::bounding_volume::Aabb;
+use parry2d_f64::math::Vector as ParryVector;
+use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, TraversalAction};
+use parry2d_f64::shape::TriMesh;
+
+use crate::footprint::Core;
+use crate::grid::{Cell, CellRectangle, OccupancyGrid};
+use crate::obstacle::{Bounds, Obstacle};
+use crate::primitive::{
+    Corner, Edge, Primitive, point_segment_distance_squared, ring_contains, slab,
+};
+
+/// Boxes in the trees are this much larger (m) than what they hold, so that a ray through a
+/// common corner of two edges is not lost between two boxes without thickness.
+const BOX_MARGIN: f64 = 1e-9;
+
+/// One solid of the scene.
+#[derive(Debug)]
+enum Solid {
+    /// A block or disc: a primitive by itself.
+    Primitive(u32),
+    Polygon {
+        ring: Vec<Point2>,
+        /// Convex parts, made when a footprint first lies in the polygon.
+        parts: OnceLock<Vec<Vec<Point2>>>,
+    },
+    /// All solid cells of the grid together.
+    Grid(Arc<OccupancyGrid>),
+}
+
+/// All solids, with the trees that find the ones that matter.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    solids: Vec<Solid>,
+    solid_tree: Bvh,
+    primitives: Vec<Primitive>,
+    tree: Bvh,
+}
+
+fn to_aabb(b: Bounds) -> Aabb {
+    Aabb::new(
+        ParryVector::new(b.min.x - BOX_MARGIN, b.min.y - BOX_MARGIN),
+        ParryVector::new(b.max.x + BOX_MARGIN, b.max.y + BOX_MARGIN),
+    )
+}
+
+fn build_tree(boxes: &[Aabb]) -> Bvh {
+    Bvh::from_leaves(BvhBuildStrategy::default(), boxes)
+}
+
+/// Squared distance (m²) from `p` to a node's box; 0 inside.
+#[inline]
+fn node_distance_squared(node: &BvhNode, p: Point2) -> f64 {
+    let (min, max) = (node.mins(), node.maxs());
+    let dx = (min.x - p.x).max(p.x - max.x).max(0.0);
+    let dy = (min.y - p.y).max(p.y - max.y).max(0.0);
+    dx * dx + dy * dy
+}
+
+/// Squared distance (m²) between a node's box and another box; 0 where they overlap.
+#[inline]
+fn node_gap_squared(node: &BvhNode, b: &Bounds) -> f64 {
+    let (min, max) = (node.mins(), node.maxs());
+    let dx = (min.x - b.max.x).max(b.min.x - max.x).max(0.0);
+    let dy = (min.y - b.max.y).max(b.min.y - max.y).max(0.0);
+    dx * dx + dy * dy
+}
+
+impl Scene {
+    /// `obstacles` must be normalised: counter-clockwise simple polygons.
+    pub(crate) fn new(obstacles: Vec<Obstacle>, grid: Option<Arc<OccupancyGrid>>) -> Self {
+        let mut solids = Vec::with_capacity(obstacles.len() + 1);
+        let mut primitives = Vec::new();
+        let mut boxes = Vec::with_capacity(obstacles.len() + 1);
+        for obstacle in obstacles {
+            let Some(bounds) = obstacle.bounds() else {
+                continue;
+            };
+            let shape = solids.len() as u32;
+            let next = primitives.len() as u32;
+            boxes.push(to_aabb(bounds));
+            solids.push(match obstacle {
+                Obstacle::Disc { center, radius } => {
+                    primitives.push(Primitive::Disc { center, radius });
+                    Solid::Primitive(next)
+                }
+                Obstacle::Block { min, max } => {
+                    primitives.push(Primitive::Block { min, max });
+                    Solid::Primitive(next)
+                }
+                Obstacle::Polygon { vertices } => {
+                    primitives.extend(ring_edges(&vertices, shape).map(Primitive::Edge));
+                    Solid::Polygon {
+                        ring: vertices,
+                        parts: OnceLock::new(),
+                    }
+                }
+            });
+        }
+        if let Some(grid) = grid {
+            let edges = grid.boundary(solids.len() as u32);
+            if !edges.is_empty() {
+                boxes.push(to_aabb(grid.bounds()));
+                primitives.extend(edges.into_iter().map(Primitive::Edge));
+                solids.push(Solid::Grid(grid));
+            }
+        }
+        let primitive_boxes: Vec<Aabb> = primitives.iter().map(|p| to_aabb(p.bounds())).collect();
+        Self {
+            solid_tree: build_tree(&boxes),
+            solids,
+            tree: build_tree(&primitive_boxes),
+            primitives,
+        }
+    }
+
+    pub(crate) fn primitives(&self) -> &[Primitive] {
+        &self.primitives
+    }
+
+    fn primitive(&self, index: u32) -> &Primitive {
+        &self.primitives[index as usize]
+    }
+
+    /// Calls `visit` for each solid whose box overlaps `b`; stops when it returns false.
+    fn solids_near(&self, b: &Bounds, mut visit: impl FnMut(u32, &Solid) -> bool) {
+        self.solid_tree.traverse(|node| {
+            if node_gap_squared(node, b) > 0.0 {
+                return TraversalAction::Prune;
+            }
+            if let Some(leaf) = node.leaf_data()
+                && !visit(leaf, &self.solids[leaf as usize])
+            {
+                return TraversalAction::EarlyExit;
+            }
+            TraversalAction::Continue
+        });
+    }
+
+    /// Whether `p` lies in a polygon or grid; blocks and discs are for the caller to test.
+    fn ring_solid_contains(solid: &Solid, p: Point2) -> bool {
+        match solid {
+            Solid::Primitive(_) => false,
+            Solid::Polygon { ring, .. } => ring_contains(ring, p),
+            Solid::Grid(grid) => grid
+                .world_to_cell(p)
+                .is_some_and(|(x, y)| grid.is_solid(x as isize, y as isize)),
+        }
+    }
+
+    /// Whether `p` lies inside any solid.
+    pub(crate) fn contains(&self, p: Point2) -> bool {
+        let mut inside = false;
+        self.solids_near(&Bounds { min: p, max: p }, |_, solid| {
+            inside = match solid {
+                Solid::Primitive(index) => self.primitive(*index).distance(p) < 0.0,
+                other => Self::ring_solid_contains(other, p),
+            };
+            !inside
+        });
+        inside
+    }
+
+    /// The primitive nearest to `p` (blocks and discs count as 0 from within), closer than
+    /// `limit` (m), and its squared distance (m²). With `only`, edges of that solid alone.
+    fn nearest_primitive(&self, p: Point2, limit: f64, only: Option<u32>) -> Option<(u32, f64)> {
+        self.tree.find_best(
+            limit * limit,
+            |node, _| node_distance_squared(node, p),
+            |leaf, _| {
+                let primitive = self.primitive(leaf);
+                match (only, primitive) {
+                    (None, _) => Some(primitive.distance_squared_outside(p)),
+                    (Some(shape), Primitive::Edge(edge)) if edge.shape == shape => {
+                        Some(edge.distance_squared(p))
+                    }
+                    _ => None,
+                }
+            },
+        )
+    }
+
+    /// The smaller of `limit` and the signed distance (m) from `p` to the nearest solid, and
+    /// the primitive that decides it (none if the limit does).
+    pub(crate) fn nearest(&self, p: Point2, limit: f64) -> (f64, Option<u32>) {
+        let mut best = (limit, None);
+        let mut inside = false;
+        self.solids_near(&Bounds { min: p, max: p }, |shape, solid| {
+            let (depth, decides) = match solid {
+                Solid::Primitive(index) => (self.primitive(*index).distance(p), Some(*index)),
+                other if Self::ring_solid_contains(other, p) => {
+                    match self.nearest_primitive(p, f64::INFINITY, Some(shape)) {
+                        Some((index, squared)) => (-squared.sqrt(), Some(index)),
+                        None => return true,
+                    }
+                }
+                _ => return true,
+            };
+            if depth <= 0.0 {
+                inside = true;
+                if depth < best.0 {
+                    best = (depth, decides);
+                }
+            }
+            true
+        });
+        if !inside
+            && limit > 0.0
+            && let Some((index, squared)) = self.nearest_primitive(p, limit, None)
+        {
+            best = (squared.sqrt(), Some(index));
+        }
+        best
+    }
+
+    /// Calls `visit` with every primitive whose box comes within `radius` (m) of `p`.
+    pub(crate) fn primitives_within(&self, p: Point2, radius: f64, mut visit: impl FnMut(u32)) {
+        let radius_squared = radius * radius;
+        self.tree.traverse(|node| {
+            if node_distance_squared(node, p) > radius_squared {
+                return TraversalAction::Prune;
+            }
+            if let Some(leaf) = node.leaf_data() {
+                visit(leaf);
+            }
+            TraversalAction::Continue
+        });
+    }
+
+    /// Distance (m) along the unit vector `direction` to the first boundary met, if below
+    /// `limit`. The origin is taken to be outside of every solid.
+    pub(crate) fn cast_ray(&self, origin: Point2, direction: Vector2, limit: f64) -> Option<f64> {
+        let inverse = Vector2::new(direction.x.recip(), direction.y.recip());
+        self.tree
+            .find_best(
+                limit,
+                |node, _| {
+                    let (min, max) = (node.mins(), node.maxs());
+                    let (near, far) = slab(
+                        Point2::new(min.x, min.y),
+                        Point2::new(max.x, max.y),
+                        origin,
+                        inverse,
+                    );
+                    if near <= far && far >= 0.0 {
+                        near.max(0.0)
+                    } else {
+                        f64::MAX
+                    }
+                },
+                |leaf, _| self.primitive(leaf).ray_hit(origin, direction),
+            )
+            .map(|(_, distance)| distance)
+    }
+
+    /// The smaller of `limit` and the distance (m) from the core to the nearest solid; 0 where
+    /// the core meets one, also if it lies wholly inside.
+    pub(crate) fn core_distance(&self, core: &Core, limit: f64) -> f64 {
+        if limit <= 0.0 {
+            return limit.max(0.0);
+        }
+        let around = core_bounds(core);
+        let nearest = self.tree.find_best(
+            limit * limit,
+            |node, _| node_gap_squared(node, &around),
+            |leaf, _| Some(core_distance_squared(core.vertices(), self.primitive(leaf))),
+        );
+        match nearest {
+            Some((_, squared)) if squared == 0.0 => 0.0,
+            // Clear of every edge, the core can still lie in the midst of a solid.
+            _ if self.contains(core.vertices()[0]) => 0.0,
+            Some((_, squared)) => squared.sqrt(),
+            None => limit,
+        }
+    }
+
+    /// How far (m) the core must move to leave the convex part it is deepest in; 0 if it is in
+    /// none.
+    pub(crate) fn core_depth(&self, core: &Core) -> f64 {
+        let vertices = core.vertices();
+        let around = core_bounds(core);
+        let depth_in = |part: &[Point2]| -separation(vertices, part);
+        let mut deepest = 0.0_f64;
+        self.solids_near(&around, |_, solid| {
+            let depth = match solid {
+                Solid::Primitive(index) => match self.primitive(*index) {
+                    Primitive::Block { min, max } => depth_in(&block_ring(*min, *max)),
+                    Primitive::Disc { center, radius } => {
+                        let gap = core_distance_squared_to_point(vertices, *center).sqrt();
+                        let signed = if gap > 0.0 {
+                            gap
+                        } else {
+                            separation(vertices, &[*center])
+                        };
+                        radius - signed
+                    }
+                    Primitive::Edge(_) => 0.0,
+                },
+                Solid::Polygon { ring, parts } => parts
+                    .get_or_init(|| convex_parts(ring))
+                    .iter()
+                    .map(|part| depth_in(part))
+                    .fold(0.0, f64::max),
+                Solid::Grid(grid) => grid_parts(grid, vertices)
+                    .iter()
+                    .map(|part| depth_in(part))
+                    .fold(0.0, f64::max),
+            };
+            deepest = deepest.max(depth);
+            true
+        });
+        deepest
+    }
+}
+
+/// The edges of a counter-clockwise ring.
+fn ring_edges(ring: &[Point2], shape: u32) -> impl Iterator<Item = Edge> + '_ {
+    let n = ring.len();
+    let at = move |i: usize| ring[i % n];
+    let corner = move |i: usize| Corner::between(at(i) - at(i + n - 1), at(i + 1) - at(i));
+    (0..n).map(move |i| Edge::new(at(i), at(i + 1), shape, corner(i), corner(i + 1)))
+}
+
+fn block_ring(min: Point2, max: Point2) -> [Point2; 4] {
+    [
+        min,
+        Point2::new(max.x, min.y),
+        max,
+        Point2::new(min.x, max.y),
+    ]
+}
+
+/// A simple polygon in convex parts (ear clipping, then merging after Hertel & Mehlhorn).
+fn convex_parts(ring: &[Point2]) -> Vec<Vec<Point2>> {
+    let n = ring.len();
+    let convex = (0..n).all(|i| {
+        let (a, b, c) = (ring[i], ring[(i + 1) % n], ring[(i + 2) % n]);
+        (b - a).perp(&(c - b)) >= 0.0
+    });
+    if convex {
+        return vec![ring.to_vec()];
+    }
+    let vertices: Vec<ParryVector> = ring.iter().map(|p| ParryVector::new(p.x, p.y)).collect();
+    let Some(mesh) = TriMesh::from_polygon(vertices) else {
+        // Too thin to be cut into ears in floating point. Its edges still keep it solid; only
+        // the depth of an overlap is then measured against its box.
+        return Bounds::around(ring.iter().copied())
+            .map(|b| vec![block_ring(b.min, b.max).to_vec()])
+            .unwrap_or_default();
+    };
+    let vertices = mesh.vertices();
+    parry2d_f64::transformation::hertel_mehlhorn(vertices, mesh.indices())
+        .into_iter()
+        .map(|part| part.iter().map(|v| Point2::new(v.x, v.y)).collect())
+        .collect()
+}
+
+/// The solid cells near the core, merged to rectangles, as rings in the world frame.
+fn grid_parts(grid: &OccupancyGrid, core: &[Point2]) -> Vec<[Point2; 4]> {
+    let local = core
+        .iter()
+        .map(|v| Point2::from(grid.to_cell_coordinates(*v)));
+    let Some(b) = Bounds::around(local) else {
+        return Vec::new();
+    };
+    // As much again on every side, so that the way out of a thick wall is seen.
+    let reach = 1.0 + b.width().max(b.height());
+    let clamp = |v: f64, n: usize| v.clamp(0.0, n as f64) as usize;
+    let (x0, y0) = (
+        clamp((b.min.x - reach).floor(), grid.width),
+        clamp((b.min.y - reach).floor(), grid.height),
+    );
+    let (x1, y1) = (
+        clamp((b.max.x + reach).ceil(), grid.width),
+        clamp((b.max.y + reach).ceil(), grid.height),
+    );
+    let window = CellRectangle { x0, y0, x1, y1 };
+    grid.rectangles_within(window, |cell| cell != Cell::Free)
+        .into_iter()
+        .map(|r| {
+            let at =
+                |x: usize, y: usize| grid.from_cell_coordinates(Vector2::new(x as f64, y as f64));
+            [
+                at(r.x0, r.y0),
+                at(r.x1, r.y0),
+                at(r.x1, r.y1),
+                at(r.x0, r.y1),
+            ]
+        })
+        .collect()
+}
+
+fn core_bounds(core: &Core) -> Bounds {
+    let mut b = Bounds {
+        min: core.vertices()[0],
+        max: core.vertices()[0],
+    };
+    for v in core.vertices() {
+        b.min = Point2::new(b.min.x.min(v.x), b.min.y.min(v.y));
+        b.max = Point2::new(b.max.x.max(v.x), b.max.y.max(v.y));
+    }
+    b
+}
+
+/// Signed gap (m) between two convex shapes of 1, 2 or more vertices, counter-clockwise: the
+/// largest separation along an edge normal. Negative: they overlap, and this far one of them
+/// must move. Positive: they are apart, by at least this much.
+fn separation(a: &[Point2], b: &[Point2]) -> f64 {
+    one_sided_separation(a, b).max(one_sided_separation(b, a))
+}
+
+fn one_sided_separation(a: &[Point2], b: &[Point2]) -> f64 {
+    if a.len() < 2 {
+        return f64::NEG_INFINITY;
+    }
+    let mut largest = f64::NEG_INFINITY;
+    for (i, start) in a.iter().enumerate() {
+        let span = a[(i + 1) % a.len()] - start;
+        let length = span.norm();
+        if length == 0.0 {
+            continue;
+        }
+        let outward = Vector2::new(span.y, -span.x) / length;
+        let gap = b
+            .iter()
+            .map(|v| outward.dot(&(v - start)))
+            .fold(f64::INFINITY, f64::min);
+        largest = largest.max(gap);
+    }
+    largest
+}
+
+/// Squared distance (m²) from a convex shape of 1, 2 or 4 vertices to a point; 0 inside.
+fn core_distance_squared_to_point(core: &[Point2], p: Point2) -> f64 {
+    match core {
+        [a] => (p - a).norm_squared(),
+        [a, b] => point_segment_distance_squared(p, *a, *b),
+        ring => {
+            if one_sided_separation(ring, &[p]) <= 0.0 {
+                return 0.0;
+            }
+            sides(ring)
+                .map(|(a, b)| point_segment_distance_squared(p, a, b))
+                .fold(f64::INFINITY, f64::min)
+        }
+    }
+}
+
+/// Squared distance (m²) from a convex shape to a primitive; 0 where they meet.
+fn core_distance_squared(core: &[Point2], primitive: &Primitive) -> f64 {
+    match primitive {
+        Primitive::Disc { center, radius } => {
+            let gap = (core_distance_squared_to_point(core, *center).sqrt() - radius).max(0.0);
+            gap * gap
+        }
+        Primitive::Edge(edge) => match core {
+            [a] => edge.distance_squared(*a),
+            _ => convex_distance_squared(core, &[edge.start, edge.end()]),
+        },
+        Primitive::Block { min, max } => match core {
+            [a] => primitive.distance_squared_outside(*a),
+            _ => convex_distance_squared(core, &block_ring(*min, *max)),
+        },
+    }
+}
+
+/// Squared distance (m²) between two convex shapes of 2 or 4 vertices; 0 where they meet.
+fn convex_distance_squared(a: &[Point2], b: &[Point2]) -> f64 {
+    if separation(a, b) <= 0.0 && !collinear_apart(a, b) {
+        return 0.0;
+    }
+    // Apart: the distance is taken at a vertex of one of them.
+    let to_sides = |vertices: &[Point2], ring: &[Point2]| {
+        let mut least = f64::INFINITY;
+        for v in vertices {
+            for (s, e) in sides(ring) {
+                least = least.min(point_segment_distance_squared(*v, s, e));
+            }
+        }
+        least
+    };
+    to_sides(a, b).min(to_sides(b, a))
+}
+
+/// Two segments on one line have no edge normal that could separate them.
+fn collinear_apart(a: &[Point2], b: &[Point2]) -> bool {
+    let ([a0, a1], [b0, b1]) = (a, b) else {
+        return false;
+    };
+    crate::primitive::segments_meet(*a0, *a1, *b0, *b1).is_none()
+}
+
+/// The sides of a ring; the single side of a segment.
+fn sides(ring: &[Point2]) -> impl Iterator<Item = (Point2, Point2)> + '_ {
+    let n = if ring.len() == 2 { 1 } else { ring.len() };
+    (0..n).map(move |i| (ring[i], ring[(i + 1) % ring.len()]))
+}

@@ -1,0 +1,304 @@
+//! The world: a bounded field and what stands in it.
+
+use std::sync::Arc;
+
+use bikebot_geometry::{Point2, Pose2, Vector2};
+
+use crate::clearance_field::ClearanceField;
+use crate::error::WorldError;
+use crate::field_edge::FieldEdge;
+use crate::footprint::Footprint;
+use crate::grid::OccupancyGrid;
+use crate::obstacle::{Bounds, Obstacle};
+use crate::query::Scene;
+
+/// A bounded field with solid obstacles: built once, immutable, shared between threads.
+///
+/// The edge of the field is a wall for clearance and overlap: nothing may stand half outside.
+/// To a ray it is a wall in a world of shapes (an arena), and nothing in a world with a grid,
+/// whose edge is only where the map ends.
+///
+/// Overlapping obstacles are each a solid of their own: inside several of them the clearance
+/// is the depth in the one that is deepest. All solid cells of a grid are one solid.
+#[derive(Debug)]
+pub struct World {
+    obstacles: Vec<Obstacle>,
+    grid: Option<Arc<OccupancyGrid>>,
+    edge: FieldEdge,
+    scene: Scene,
+    field: ClearanceField,
+}
+
+impl World {
+    /// A field with shapes in it. Shapes may stick out of the field.
+    ///
+    /// # Errors
+    ///
+    /// If the bounds have no area, or an obstacle is empty, crosses itself, or has a coordinate
+    /// that is not finite; see [`WorldError`].
+    pub fn new(bounds: Bounds, obstacles: Vec<Obstacle>) -> Result<Self, WorldError> {
+        Self::build(bounds, obstacles, None)
+    }
+
+    /// The world a grid describes. Its field is the grid; unknown cells are solid (see
+    /// [`OccupancyGrid::with_unknown_as`] to have them free).
+    ///
+    /// # Errors
+    ///
+    /// If the grid's size, resolution or origin make no sense.
+    pub fn from_grid(grid: OccupancyGrid) -> Result<Self, WorldError> {
+        grid.check()?;
+        Self::build(grid.bounds(), Vec::new(), Some(grid))
+    }
+
+    /// Shapes, or a grid, or both. With a grid the field is what `bounds` and grid have in
+    /// common: nothing is known beyond the grid's edge.
+    ///
+    /// # Errors
+    ///
+    /// As [`World::new`] and [`World::from_grid`], or if `bounds` and grid do not overlap.
+    pub fn build(
+        bounds: Bounds,
+        obstacles: Vec<Obstacle>,
+        grid: Option<OccupancyGrid>,
+    ) -> Result<Self, WorldError> {
+        bounds.check()?;
+        let bounds = match &grid {
+            None => bounds,
+            Some(grid) => {
+                grid.check()?;
+                bounds
+                    .intersection(&grid.bounds())
+                    .ok_or(WorldError::Disjoint)?
+            }
+        };
+        let normalised = obstacles
+            .iter()
+            .enumerate()
+            .map(|(index, obstacle)| obstacle.normalised(index))
+            .collect::<Result<Vec<_>, _>>()?;
+        let grid = grid.map(Arc::new);
+        let edge = FieldEdge::new(bounds, grid.as_deref());
+        let scene = Scene::new(normalised, grid.clone());
+        let field = ClearanceField::new(&bounds, scene.primitives().len());
+        Ok(Self {
+            obstacles,
+            grid,
+            edge,
+            scene,
+            field,
+        })
+    }
+
+    /// The field, m.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        self.edge.bounds
+    }
+
+    /// The shapes, as they were given. Cells of a grid are not among them.
+    #[must_use]
+    pub fn obstacles(&self) -> &[Obstacle] {
+        &self.obstacles
+    }
+
+    /// The grid, if the world has one.
+    #[must_use]
+    pub fn grid(&self) -> Option<&OccupancyGrid> {
+        self.grid.as_deref()
+    }
+
+    /// Whether `p` (m) lies within the field, obstacle or not.
+    #[must_use]
+    pub fn is_inside(&self, p: Point2) -> bool {
+        self.edge.distance(p) >= 0.0
+    }
+
+    /// Signed distance (m) from `p` to the nearest obstacle or to the field's edge; negative
+    /// inside an obstacle or outside the field, −∞ for a point that is not finite.
+    ///
+    /// Exact to rounding. It changes by no more than the distance moved (1-Lipschitz), which is
+    /// what makes certified collision checks of whole motions possible.
+    #[must_use]
+    #[inline]
+    pub fn clearance(&self, p: Point2) -> f64 {
+        self.field.clearance(&self.scene, &self.edge, p)
+    }
+
+    /// A number (m) that is never above [`World::clearance`], for less work; no more than a
+    /// cell diagonal of the clearance grid below it.
+    #[must_use]
+    #[inline]
+    pub fn clearance_lower_bound(&self, p: Point2) -> f64 {
+        self.field.lower_bound(&self.scene, &self.edge, p)
+    }
+
+    /// The point (m) of an obstacle's boundary, or of the field's edge, that decides the
+    /// clearance of `p`. Inside an obstacle it is the nearest way out of it.
+    #[must_use]
+    pub fn nearest_obstacle_point(&self, p: Point2) -> Point2 {
+        match self.field.nearest(&self.scene, &self.edge, p).1 {
+            Some(index) => self.scene.primitives()[index as usize].nearest_boundary_point(p),
+            None => self.edge.nearest_point(p),
+        }
+    }
+
+    /// Signed clearance (m) of a footprint: the distance of its nearest point to an obstacle or
+    /// the field's edge, and where it overlaps, minus the way to the nearest free position with
+    /// respect to the convex part it is deepest in.
+    ///
+    /// Exact to rounding outside. Zero where they just touch.
+    #[must_use]
+    pub fn footprint_clearance(&self, footprint: &Footprint, pose: &Pose2) -> f64 {
+        if !pose.is_finite() {
+            return f64::NEG_INFINITY;
+        }
+        let core = footprint.core(pose);
+        if let [centre] = core.vertices() {
+            return self.clearance(*centre) - core.radius;
+        }
+        let to_edge = core
+            .vertices()
+            .iter()
+            .map(|v| self.edge.distance(*v))
+            .fold(f64::INFINITY, f64::min);
+        let to_obstacle = self.scene.core_distance(&core, to_edge);
+        let signed = if to_obstacle > 0.0 {
+            to_obstacle.min(to_edge)
+        } else {
+            to_edge.min(-self.scene.core_depth(&core))
+        };
+        signed - core.radius
+    }
+
+    /// Whether the footprint reaches into an obstacle or beyond the field's edge. Touching is
+    /// not overlapping: true exactly where [`World::footprint_clearance`] is negative.
+    #[must_use]
+    pub fn overlaps(&self, footprint: &Footprint, pose: &Pose2) -> bool {
+        if !pose.is_finite() {
+            return true;
+        }
+        let core = footprint.core(pose);
+        // Discs about every vertex decide most poses at the price of a point query.
+        let mut certainly_free = core.vertices().len() == 1;
+        for vertex in core.vertices() {
+            let c = self.clearance(*vertex);
+            if c < core.radius {
+                return true;
+            }
+            if let [a, b] = core.vertices() {
+                certainly_free |= c >= (b - a).norm() + core.radius;
+            }
+        }
+        !certainly_free && self.footprint_clearance(footprint, pose) < 0.0
+    }
+
+    /// How far (m) a ray from `origin` along `angle` (rad) travels before it meets something
+    /// solid; `None` if it meets nothing within `max_range` (m). 0 from inside an obstacle.
+    #[must_use]
+    pub fn cast_ray(&self, origin: Point2, angle: f64, max_range: f64) -> Option<f64> {
+        let mut range = [f64::INFINITY];
+        self.cast_fan(origin, angle, 0.0, max_range, &mut range);
+        range[0].is_finite().then_some(range[0])
+    }
+
+    /// A fan of rays from one origin: ray i leaves along `angle_min + i · angle_step` (rad),
+    /// and `ranges[i]` becomes its range (m), `f64::INFINITY` for nothing within `max_range`.
+    pub fn cast_fan(
+        &self,
+        origin: Point2,
+        angle_min: f64,
+        angle_step: f64,
+        max_range: f64,
+        ranges: &mut [f64],
+    ) {
+        let usable = origin.x.is_finite()
+            && origin.y.is_finite()
+            && angle_min.is_finite()
+            && angle_step.is_finite()
+            && max_range > 0.0;
+        if !usable {
+            ranges.fill(f64::INFINITY);
+            return;
+        }
+        let edge_is_wall = self.grid.is_none();
+        if self.scene.contains(origin) || (edge_is_wall && !self.is_inside(origin)) {
+            ranges.fill(0.0);
+            return;
+        }
+        for (i, range) in ranges.iter_mut().enumerate() {
+            let (sin, cos) = (angle_min + angle_step * i as f64).sin_cos();
+            let direction = Vector2::new(cos, sin);
+            let wall = if edge_is_wall {
+                self.edge.exit(origin, direction)
+            } else {
+                f64::INFINITY
+            };
+            let hit = self
+                .scene
+                .cast_ray(origin, direction, wall.min(max_range))
+                .unwrap_or(wall);
+            *range = if hit <= max_range { hit } else { f64::INFINITY };
+        }
+    }
+
+    /// The same world stretched about the origin by `factor`, grid and field included.
+    ///
+    /// # Errors
+    ///
+    /// If the factor is not a finite number above 0, or carries a coordinate beyond ±1e9 m.
+    pub fn scaled(&self, factor: f64) -> Result<Self, WorldError> {
+        if !(factor > 0.0 && factor.is_finite()) {
+            return Err(WorldError::Scale { factor });
+        }
+        let bounds = Bounds {
+            min: self.edge.bounds.min * factor,
+            max: self.edge.bounds.max * factor,
+        };
+        let obstacles = self.obstacles.iter().map(|o| o.scaled(factor)).collect();
+        let grid = self.grid.as_deref().map(|g| {
+            let position = g.origin.position * factor;
+            OccupancyGrid {
+                resolution: g.resolution * factor,
+                origin: Pose2::new(position.x, position.y, g.origin.heading),
+                ..g.clone()
+            }
+        });
+        Self::build(bounds, obstacles, grid)
+    }
+
+    /// Side (m) of the cells of the grid that speeds up [`World::clearance`].
+    #[must_use]
+    pub fn clearance_cell_size(&self) -> f64 {
+        self.field.cell_size()
+    }
+
+    /// Columns and rows of that grid; it covers [`World::bounds`] from the lower-left corner.
+    #[must_use]
+    pub fn clearance_cells(&self) -> (usize, usize) {
+        (self.field.columns(), self.field.rows())
+    }
+
+    /// Column and row of the cell that holds `p` (m); `None` off the field.
+    #[must_use]
+    pub fn clearance_cell(&self, p: Point2) -> Option<(usize, usize)> {
+        self.field.locate(p)
+    }
+
+    /// Centre (m) of a cell and its exact clearance (m), which every cell keeps.
+    ///
+    /// # Panics
+    ///
+    /// If column or row are not below [`World::clearance_cells`].
+    #[must_use]
+    pub fn clearance_cell_centre(&self, column: usize, row: usize) -> (Point2, f64) {
+        assert!(
+            column < self.field.columns() && row < self.field.rows(),
+            "no such clearance cell"
+        );
+        let clearance = self
+            .field
+            .centre_clearance(&self.scene, &self.edge, column, row);
+        (self.field.centre(column, row), clearance)
+    }
+}
