@@ -12,6 +12,7 @@
 //! | [`kinematic`] | plane motion without slip, nothing else |
 //! | [`actuator`] | every limit and every lag, in one place |
 //! | [`sensor`] | what the bike believes of its own state |
+//! | [`laser`] | beams cast through a world |
 //!
 //! SI units and radians throughout. Frames and signs are written down once, in
 //! `docs/frames.md`: roll is positive to the right, steer and yaw are positive to the left.
@@ -25,6 +26,7 @@ mod error;
 mod inertia;
 pub mod integrator;
 pub mod kinematic;
+pub mod laser;
 pub mod params;
 pub mod plant;
 pub mod sensor;
@@ -36,6 +38,7 @@ pub use contact::ContactForces;
 pub use error::DynamicsError;
 pub use integrator::{ExplicitEuler, Integrator, Rk4};
 pub use kinematic::{Kinematic, KinematicInput, KinematicState};
+pub use laser::{LaserParams, LaserScan, LaserScanner};
 pub use params::{BalancerMode, BikeParams, LeanCoefficients, Lumped, ModeChangeCondition, Offset};
 pub use plant::{Plant, State};
 pub use sensor::{Measurement, SensorParams, Sensors};
