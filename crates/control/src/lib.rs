@@ -1,1 +1,48 @@
 //! Balance by output zeroing, path following by passive velocity fields.
+//!
+//! Two loops ride the bike. The outer one, [`pvfc`], turns the plane motion of a
+//! point ahead of the rear contact into that of a point mass in an encoded velocity
+//! field and moves drive and steering accordingly. The inner one, [`output_zeroing`],
+//! swings the balancer so that a special output of the roll dynamics vanishes; what is
+//! left is one exponentially stable number. Between them stands [`lean_reference`]:
+//! a balancer cannot hold the moment of a turn, so the body must already lean when the
+//! turn comes. [`cascade::RideController`] joins the three and [`supervisor`] tells it
+//! when to start, cruise, brake and hold.
+//!
+//! SI units and radians throughout. World frame: x right, y up, heading
+//! counter-clockwise from +x. Roll is positive to the right, the balancer angle is
+//! measured from the body in the same sense, steering is positive to the left.
+
+pub mod balance;
+pub mod cascade;
+pub mod controller;
+pub mod error;
+pub mod followed_path;
+pub mod lean_reference;
+pub mod lqr;
+pub mod lyapunov;
+pub mod observer;
+pub mod output_function;
+pub mod output_zeroing;
+pub mod params;
+pub mod profile;
+pub mod pvfc;
+pub mod roll_model;
+pub mod supervisor;
+pub mod velocity_field;
+
+pub use balance::{BalanceController, BalanceLaw, BalanceOutput};
+pub use cascade::{ControlOutput, RideController};
+pub use controller::Controller;
+pub use error::ControlError;
+pub use followed_path::{FollowedPath, PathSample, RideLimits};
+pub use lean_reference::LeanReference;
+pub use lyapunov::AugmentedEnergy;
+pub use observer::{DriveObserver, RollMomentObserver};
+pub use output_function::OutputFunction;
+pub use output_zeroing::{OutputReference, OutputZeroing};
+pub use params::{BalanceLawKind, BalanceParams, FollowController, FollowParams, Track};
+pub use pvfc::Pvfc;
+pub use roll_model::{RollModel, TurnMoment};
+pub use supervisor::{ModeChange, Phase};
+pub use velocity_field::VelocityField;

@@ -1,0 +1,249 @@
+//! Keeping the bike upright with the balancer, whatever the plane motion does.
+//!
+//! [`BalanceLaw`] is the part both controllers share: the roll-moment observer, output zeroing,
+//! the guard that hands over to linear-quadratic feedback where the decoupling term nearly
+//! vanishes, and the torque limit. [`BalanceController`] runs it alone, for the two-link plant;
+//! [`crate::cascade::RideController`] feeds it the turn and the lean reference.
+
+use bikebot_dynamics::{BalancerMode, BikeParams, Measurement, TwoLink, TwoLinkState};
+use nalgebra::Vector4;
+
+use crate::controller::{Controller, check_finite};
+use crate::error::ControlError;
+use crate::lqr;
+use crate::observer::RollMomentObserver;
+use crate::output_zeroing::{OutputReference, OutputZeroing};
+use crate::params::{BalanceLawKind, BalanceParams};
+use crate::roll_model::{RollModel, TurnMoment};
+
+/// What the balance law answers.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct BalanceOutput {
+    /// Torque of the body on the balancer, N m, within the motor's limit.
+    pub torque: f64,
+    /// Whether the limit cut it.
+    pub saturated: bool,
+    /// `D / D_upright`: one upright and at rest, zero where the balancer loses its authority.
+    pub decoupling: f64,
+    /// Whether linear-quadratic feedback stood in for output zeroing.
+    pub fallback: bool,
+    /// `T_hat`, N m: the estimated roll moment.
+    pub moment_estimate: f64,
+    /// `y`, kg m^2/s: the output that is being zeroed.
+    pub output: f64,
+}
+
+/// The balance law at a movable balancer offset.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BalanceLaw {
+    bike: BikeParams,
+    kind: BalanceLawKind,
+    zeroing: OutputZeroing,
+    model: RollModel,
+    upright_decoupling: f64,
+    observer: Option<RollMomentObserver>,
+    /// Feedback gains at the offsets of flywheel and balancer mode.
+    gains: [(f64, Vector4<f64>); 2],
+    guard: f64,
+}
+
+impl BalanceLaw {
+    /// For a bike whose balancer sits at `offset`, m.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::NoBalanceAuthority`] if the balancer cannot control the roll there, and
+    /// [`ControlError::NoStabilisingGain`] if the fallback gain does not exist.
+    pub fn new(
+        bike: &BikeParams,
+        params: &BalanceParams,
+        offset: f64,
+    ) -> Result<Self, ControlError> {
+        /// Below this share of the toppling stiffness, authority is rounding.
+        const AUTHORITY: f64 = 1e-4;
+        let model = RollModel::new(bike, offset);
+        let decoupling = model.upright_decoupling();
+        if decoupling.abs() < AUTHORITY * model.toppling_stiffness() || !decoupling.is_finite() {
+            return Err(ControlError::NoBalanceAuthority {
+                offset,
+                decoupling: decoupling / model.inertia.m11(0.0),
+            });
+        }
+        let gain = |mode: BalancerMode| {
+            let d = bike.offset(mode);
+            lqr::gain(&TwoLink::new(bike, d), &params.weights(mode)).map(|k| (d, k))
+        };
+        Ok(Self {
+            bike: *bike,
+            kind: params.controller,
+            zeroing: OutputZeroing::new(params.kappa, params.poles),
+            model,
+            upright_decoupling: decoupling,
+            observer: params
+                .observer
+                .then(|| RollMomentObserver::new(params.observer_rate, params.observer_moment_max)),
+            gains: [gain(BalancerMode::Flywheel)?, gain(BalancerMode::Balancer)?],
+            guard: params.decoupling_guard,
+        })
+    }
+
+    /// The roll model at the present offset.
+    #[must_use]
+    pub fn model(&self) -> &RollModel {
+        &self.model
+    }
+
+    /// The estimated roll moment, N m; zero without an observer.
+    #[must_use]
+    pub fn moment_estimate(&self) -> f64 {
+        self.observer.map_or(0.0, |observer| observer.moment())
+    }
+
+    /// Follows a shift of the balancer to `offset`, m.
+    pub fn set_offset(&mut self, offset: f64) {
+        if offset != self.model.offset {
+            self.model = RollModel::new(&self.bike, offset);
+            self.upright_decoupling = self.model.upright_decoupling();
+        }
+    }
+
+    /// The torque for this period: `state` as measured, the turn the bike is in, and the lean
+    /// reference without the observer's share.
+    pub fn tick(
+        &mut self,
+        state: &TwoLinkState,
+        turn: &TurnMoment,
+        lean: &OutputReference,
+        dt: f64,
+    ) -> BalanceOutput {
+        let estimate = if let Some(observer) = &mut self.observer {
+            let modelled = self.model.gravity(state).value + self.model.turning(state, turn).value;
+            observer.update(self.model.momentum(state), modelled, dt);
+            observer.moment()
+        } else {
+            0.0
+        };
+        let reference = OutputReference {
+            value: lean.value - estimate / self.model.toppling_stiffness(),
+            derivatives: lean.derivatives,
+        };
+        let d = self
+            .zeroing
+            .derivatives(&self.model, state, turn, estimate, &reference);
+        let decoupling = d.decoupling / self.upright_decoupling;
+        let fallback = decoupling.abs() < self.guard;
+        let wanted = if fallback || self.kind == BalanceLawKind::Lqr {
+            self.quadratic_torque(state, turn, &reference)
+        } else {
+            let w = self.zeroing.balancer_acceleration(&d);
+            OutputZeroing::torque(&self.model, state, turn, &d, w)
+        };
+        let limit = self.bike.balancer_torque_max;
+        let mut torque = wanted.clamp(-limit, limit);
+        if state.balancer_rate.abs() >= self.bike.balancer_speed_max
+            && torque * state.balancer_rate > 0.0
+        {
+            torque = 0.0;
+        }
+        BalanceOutput {
+            torque,
+            saturated: torque != wanted,
+            decoupling,
+            fallback,
+            moment_estimate: estimate,
+            output: d.y,
+        }
+    }
+
+    /// Feedback about the reference lean with the torque that holds the balancer still on it.
+    fn quadratic_torque(
+        &self,
+        state: &TwoLinkState,
+        turn: &TurnMoment,
+        reference: &OutputReference,
+    ) -> f64 {
+        let [(d0, k0), (d1, k1)] = self.gains;
+        let share = if d1 == d0 {
+            0.0
+        } else {
+            ((self.model.offset - d0) / (d1 - d0)).clamp(0.0, 1.0)
+        };
+        let gain = k0 + (k1 - k0) * share;
+        let [p1, p2, ..] = reference.derivatives;
+        let error = Vector4::new(
+            state.roll - reference.value,
+            state.balancer,
+            state.roll_rate - p1,
+            state.balancer_rate,
+        );
+        let held = TwoLinkState {
+            roll: reference.value,
+            ..TwoLinkState::default()
+        };
+        let feed_forward = self.model.inertia.m12(0.0) * p2
+            - self.model.balancer_gravity(&held)
+            - self.model.turning_joint(&held, turn);
+        feed_forward - gain.dot(&error)
+    }
+}
+
+/// Balance alone: holds the two-link model upright.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BalanceController {
+    law: BalanceLaw,
+    period: f64,
+}
+
+impl BalanceController {
+    /// For `bike` in `mode`, called every `control_period` seconds.
+    ///
+    /// # Errors
+    ///
+    /// As [`BalanceLaw::new`], and [`ControlError::ControlPeriod`].
+    pub fn new(
+        bike: &BikeParams,
+        mode: BalancerMode,
+        params: &BalanceParams,
+        control_period: f64,
+    ) -> Result<Self, ControlError> {
+        check_period(control_period)?;
+        Ok(Self {
+            law: BalanceLaw::new(bike, params, bike.offset(mode))?,
+            period: control_period,
+        })
+    }
+
+    /// Follows a shift of the balancer to `offset`, m.
+    pub fn set_offset(&mut self, offset: f64) {
+        self.law.set_offset(offset);
+    }
+
+    /// The torque for a roll state, without a measurement around it. A state that is not finite
+    /// gives a torque that is not finite.
+    pub fn torque(&mut self, state: &TwoLinkState) -> BalanceOutput {
+        self.law.tick(
+            state,
+            &TurnMoment::default(),
+            &OutputReference::default(),
+            self.period,
+        )
+    }
+}
+
+impl Controller for BalanceController {
+    type Output = BalanceOutput;
+
+    fn tick(&mut self, measurement: &Measurement) -> Result<BalanceOutput, ControlError> {
+        check_finite(measurement)?;
+        Ok(self.torque(&TwoLinkState::from(measurement)))
+    }
+}
+
+/// Refuses control periods that are no time or far too long to balance with.
+pub(crate) fn check_period(period: f64) -> Result<(), ControlError> {
+    if period > 0.0 && period <= 0.1 {
+        Ok(())
+    } else {
+        Err(ControlError::ControlPeriod { period })
+    }
+}

@@ -1,0 +1,462 @@
+//! What the whole bike runs: path following outside, balance inside.
+//!
+//! Every tick reads the measurement once and answers with drive force, steering rate and
+//! balancer torque:
+//!
+//! 1. where the followed point is and how it moves; its distance from the followed curve;
+//! 2. [`crate::pvfc`]: the acceleration the field wants of that point;
+//! 3. that acceleration as forward and yaw acceleration, hence drive force (with the drive
+//!    observer) and steering rate;
+//! 4. near the end, the braking law instead of the field's speed; at rest, hold;
+//! 5. [`crate::lean_reference`]: the lean the coming turn asks for;
+//! 6. [`crate::balance`]: the torque that keeps the body on it.
+//!
+//! A tick does not allocate.
+
+use bikebot_dynamics::constants::GRAVITY;
+use bikebot_dynamics::{BalancerMode, BikeParams, Command, Measurement, Offset, TwoLinkState};
+use bikebot_geometry::{CurvePath, Point2, Vector2};
+
+use crate::balance::{BalanceLaw, BalanceOutput, check_period};
+use crate::controller::{Controller, check_finite};
+use crate::error::ControlError;
+use crate::followed_path::{FollowedPath, RideLimits};
+use crate::lean_reference::{LeanReference, PlaneMotion};
+use crate::lyapunov::{AugmentedEnergy, EnergyAccount};
+use crate::observer::DriveObserver;
+use crate::output_zeroing::OutputReference;
+use crate::params::{BalanceParams, FollowParams};
+use crate::pvfc::Pvfc;
+use crate::roll_model::TurnMoment;
+use crate::supervisor::{Phase, ShiftConditions, Supervisor};
+use crate::velocity_field::VelocityField;
+
+/// Half the friction is kept for pushes, braking and what the model does not know.
+const FRICTION_SHARE: f64 = 0.5;
+/// How far along the curve the nearest point may move between two ticks, m.
+const PROJECTION_REACH: f64 = 0.5;
+/// Speed at which the last centimetres are ridden, m/s, and the distance at which it is given up, m.
+const CREEP_SPEED: f64 = 0.03;
+const ARRIVED: f64 = 0.003;
+/// How fast braking corrects the speed, and how fast hold takes the last of it, 1/s.
+const BRAKE_GAIN: f64 = 4.0;
+const HOLD_GAIN: f64 = 8.0;
+/// The bike is at rest below these, m/s, rad and rad/s.
+const REST_SPEED: f64 = 0.005;
+const REST_ROLL: f64 = 0.5 * std::f64::consts::PI / 180.0;
+const REST_ROLL_RATE: f64 = 0.05;
+
+/// What the ride controller answers, and what a recording wants to know of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ControlOutput {
+    /// What the actuators are asked to do.
+    pub command: Command,
+    /// Where the balancer offset shall be.
+    pub offset: Offset,
+    /// The mode the bike is in, or leaves by the shift under way.
+    pub mode: BalancerMode,
+    /// What the bike is doing.
+    pub phase: Phase,
+    /// `P`: the look-ahead point, world frame, m.
+    pub followed_point: Point2,
+    /// `P_d(s)`: where the virtual time stands on the followed curve, m.
+    pub desired_point: Point2,
+    /// `s`, m.
+    pub virtual_time: f64,
+    /// Speed of the followed point, m/s.
+    pub followed_speed: f64,
+    /// Arc length of the nearest point of the followed curve, m.
+    pub arc_length: f64,
+    /// Distance of the followed point from the followed curve, m, positive to the left.
+    pub lateral_error: f64,
+    /// Way of the rear contact to the end of the path, m; negative past it.
+    pub remaining: f64,
+    /// `alpha_ref`, rad: the lean reference, with the share of the roll-moment observer.
+    pub lean_reference: f64,
+    /// The balance law's own account; `decoupling` is `D / D_upright`.
+    pub balance: BalanceOutput,
+    /// `D / D_upright`.
+    pub decoupling: f64,
+    /// Whether linear-quadratic feedback stood in for output zeroing.
+    pub fallback: bool,
+    /// Whether the drive force was cut to its limit.
+    pub drive_saturated: bool,
+    /// Whether the steering rate was cut to its limit or held at a stop.
+    pub steer_saturated: bool,
+    /// Whether the balancer torque was cut to its limit.
+    pub balancer_saturated: bool,
+    /// `d_hat`, m/s^2: what the drive observer compensates.
+    pub drive_estimate: f64,
+    /// The energy account of the augmented system over the tick that has just ended.
+    pub energy: AugmentedEnergy,
+    /// Standing upright: slower than 5 mm/s, within 0.5 deg of the lean held, turning over at less
+    /// than 0.05 rad/s.
+    pub at_rest: bool,
+}
+
+/// What following asks for in one tick.
+#[derive(Debug, Clone, Copy)]
+struct PlaneCommand {
+    acceleration: f64,
+    steer_rate: f64,
+    steer_saturated: bool,
+    energy: AugmentedEnergy,
+}
+
+/// The whole bike's controller.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RideController {
+    bike: BikeParams,
+    follow: FollowParams,
+    assist: Option<(f64, f64)>,
+    path: FollowedPath,
+    pvfc: Pvfc,
+    account: EnergyAccount,
+    drive: DriveObserver,
+    law: BalanceLaw,
+    lean: LeanReference,
+    supervisor: Supervisor,
+    phase: Phase,
+    arc_length: f64,
+    /// The phase of braking in which the goal has been reached.
+    arrived: bool,
+    period: f64,
+}
+
+impl RideController {
+    /// For `bike` in `mode`, to ride `path` (of the rear contact) from `start`, called every
+    /// `control_period` seconds.
+    ///
+    /// # Errors
+    ///
+    /// A path that cannot be followed, a control period that is none, a balancer without
+    /// authority, or a start that is not finite.
+    pub fn new(
+        bike: &BikeParams,
+        mode: BalancerMode,
+        follow: &FollowParams,
+        balance: &BalanceParams,
+        path: &CurvePath,
+        start: &Measurement,
+        control_period: f64,
+    ) -> Result<Self, ControlError> {
+        check_period(control_period)?;
+        check_finite(start)?;
+        let limits = RideLimits {
+            wheelbase: bike.wheelbase,
+            steer_rate: bike.steer_rate_max,
+            lateral_acceleration: FRICTION_SHARE * bike.friction * GRAVITY,
+        };
+        let path = FollowedPath::new(path, follow, &limits)?;
+        let law = BalanceLaw::new(bike, balance, bike.offset(mode))?;
+        let (point, point_rate) = followed_point(bike, follow, start);
+        let projection = path.project(
+            Point2::from(point),
+            follow.look_ahead,
+            2.0 * follow.look_ahead,
+        );
+        let along = path.sample(projection.s).heading;
+        let field = VelocityField::new(follow, path.speed_max());
+        let virtual_rate = point_rate
+            .dot(&Vector2::new(along.cos(), along.sin()))
+            .max(0.0);
+        let pvfc = Pvfc::new(follow, field, projection.s, virtual_rate, point_rate);
+        let lean = LeanReference::new(balance, law.model(), follow.look_ahead, 0.0);
+        Ok(Self {
+            bike: *bike,
+            follow: follow.clone(),
+            assist: balance
+                .steering_assist
+                .then_some((balance.assist_gain, balance.assist_dead_zone)),
+            path,
+            pvfc,
+            account: EnergyAccount::default(),
+            drive: DriveObserver::new(follow.drive_observer_rate),
+            law,
+            lean,
+            supervisor: Supervisor::new(bike, mode),
+            phase: Phase::Start,
+            arc_length: projection.s,
+            arrived: false,
+            period: control_period,
+        })
+    }
+
+    /// The curve the look-ahead point follows, with its speed profile.
+    #[must_use]
+    pub fn followed_path(&self) -> &FollowedPath {
+        &self.path
+    }
+
+    /// What the bike is doing.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The balancer offset commanded now.
+    #[must_use]
+    pub fn offset(&self) -> Offset {
+        self.supervisor.offset()
+    }
+
+    /// Asks for another balancer mode; the shift takes `duration` seconds once its conditions hold.
+    ///
+    /// # Errors
+    ///
+    /// As [`Supervisor::request`].
+    pub fn request_mode(&mut self, mode: BalancerMode, duration: f64) -> Result<(), ControlError> {
+        self.supervisor.request(mode, duration)
+    }
+
+    /// Advances by one period.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::NotFinite`] for a measurement that is not finite.
+    pub fn tick(&mut self, m: &Measurement) -> Result<ControlOutput, ControlError> {
+        check_finite(m)?;
+        let dt = self.period;
+        let (sin, cos) = m.steer.sin_cos();
+        let (tan, cos2) = (sin / cos, cos * cos);
+        let yaw_rate = m.speed * tan / self.bike.wheelbase;
+        let (point, point_rate) = followed_point(&self.bike, &self.follow, m);
+
+        let projection = self
+            .path
+            .project(Point2::from(point), self.arc_length, PROJECTION_REACH);
+        self.arc_length = projection.s;
+        let remaining = self.path.remaining(m.pose.position, projection.s);
+        self.advance_phase(m.speed, remaining);
+
+        let plane = if self.phase == Phase::Hold {
+            PlaneCommand {
+                acceleration: (-HOLD_GAIN * m.speed).clamp(
+                    -self.follow.drive_deceleration,
+                    self.follow.drive_acceleration,
+                ),
+                steer_rate: 0.0,
+                steer_saturated: false,
+                energy: self.account.rest(),
+            }
+        } else {
+            self.follow_path(m, point, point_rate, yaw_rate, remaining)
+        };
+
+        let mass = self.bike.mass();
+        let wanted_force = mass * (plane.acceleration - self.drive.acceleration());
+        let drive_force = wanted_force.clamp(-self.bike.drive_force_max, self.bike.drive_force_max);
+        self.drive.update(m.speed, drive_force / mass, dt);
+
+        let yaw_acceleration =
+            (plane.acceleration * tan + m.speed * m.steer_rate / cos2) / self.bike.wheelbase;
+        let turn = TurnMoment {
+            centripetal: m.speed * yaw_rate,
+            yaw_acceleration,
+            yaw_rate,
+        };
+        let state = TwoLinkState::from(m);
+        let reference = self.lean_reference(m, &turn, plane.acceleration);
+        let balance = self.law.tick(&state, &turn, &reference, dt);
+        let steer_rate = self.assisted(plane.steer_rate, m, cos2);
+
+        let lean_held =
+            reference.value - balance.moment_estimate / self.law.model().toppling_stiffness();
+        Ok(ControlOutput {
+            command: Command {
+                drive_force,
+                steer_rate,
+                balancer_torque: balance.torque,
+            },
+            offset: self.supervisor.offset(),
+            mode: self.supervisor.mode(),
+            phase: self.phase,
+            followed_point: Point2::from(point),
+            desired_point: self.path.sample(self.pvfc.virtual_time()).position,
+            virtual_time: self.pvfc.virtual_time(),
+            followed_speed: point_rate.norm(),
+            arc_length: projection.s,
+            lateral_error: projection.lateral,
+            remaining,
+            lean_reference: lean_held,
+            balance,
+            decoupling: balance.decoupling,
+            fallback: balance.fallback,
+            drive_saturated: drive_force != wanted_force,
+            steer_saturated: plane.steer_saturated,
+            balancer_saturated: balance.saturated,
+            drive_estimate: self.drive.acceleration(),
+            energy: plane.energy,
+            at_rest: self.phase == Phase::Hold
+                && m.speed.abs() < REST_SPEED
+                && (m.roll - lean_held).abs() < REST_ROLL
+                && m.roll_rate.abs() < REST_ROLL_RATE,
+        })
+    }
+
+    /// Start, cruise, brake and hold follow each other and never go back.
+    fn advance_phase(&mut self, speed: f64, remaining: f64) {
+        if self.phase == Phase::Start && speed >= self.follow.steering_speed_floor {
+            self.phase = Phase::Cruise;
+        }
+        let way = self
+            .path
+            .braking_speed(remaining - speed.max(0.0) * self.period);
+        if matches!(self.phase, Phase::Start | Phase::Cruise) && way <= speed.max(CREEP_SPEED) {
+            self.phase = Phase::Brake;
+        }
+        if self.phase == Phase::Brake {
+            self.arrived |= remaining <= ARRIVED;
+            if self.arrived && speed < 2.0 * REST_SPEED {
+                self.phase = Phase::Hold;
+            }
+        }
+    }
+
+    /// Steps 2 to 4: the field's acceleration as forward acceleration and steering rate.
+    fn follow_path(
+        &mut self,
+        m: &Measurement,
+        point: Vector2,
+        point_rate: Vector2,
+        yaw_rate: f64,
+        remaining: f64,
+    ) -> PlaneCommand {
+        let (f, ell) = (&self.follow, self.follow.look_ahead);
+        let step = self.pvfc.step(&self.path, point, point_rate, self.period);
+        let energy = self
+            .account
+            .enter(&step, point_rate, f.point_mass, self.period);
+        let (forward, left) = (m.pose.direction(), m.pose.left_normal());
+        let wanted = step.acceleration.dot(&forward) + ell * yaw_rate * yaw_rate;
+        let mut acceleration = wanted;
+        let mut steering_share = 1.0;
+        if self.phase == Phase::Brake {
+            acceleration = self.braking_acceleration(m.speed, remaining);
+            // Standing still, no steering angle moves the point sideways: let it fade out.
+            steering_share = (m.speed / f.steering_speed_floor).clamp(0.0, 1.0);
+        }
+        let acceleration = acceleration.clamp(-f.drive_deceleration, f.drive_acceleration);
+        let yaw_acceleration = (step.acceleration.dot(&left) - m.speed * yaw_rate) / ell;
+        let (sin, cos) = m.steer.sin_cos();
+        let wanted = steering_share
+            * (self.bike.wheelbase * yaw_acceleration * cos * cos - acceleration * sin * cos)
+            / m.speed.max(f.steering_speed_floor);
+        let mut steer_rate = wanted.clamp(-self.bike.steer_rate_max, self.bike.steer_rate_max);
+        if m.steer.abs() >= self.bike.steer_max() && steer_rate * m.steer > 0.0 {
+            steer_rate = 0.0;
+        }
+        PlaneCommand {
+            acceleration,
+            steer_rate,
+            steer_saturated: steer_rate != wanted,
+            energy,
+        }
+    }
+
+    /// Holds the speed from which the bike comes to rest on the goal; the last centimetres are
+    /// ridden at a creep so that it neither stops short nor overshoots.
+    fn braking_acceleration(&self, speed: f64, remaining: f64) -> f64 {
+        if self.arrived {
+            return -HOLD_GAIN * speed;
+        }
+        let law = self.path.braking_speed(remaining);
+        if law > CREEP_SPEED {
+            -self.follow.braking_deceleration * (speed / law).clamp(0.0, 2.0)
+                + BRAKE_GAIN * (law - speed)
+        } else {
+            BRAKE_GAIN * (CREEP_SPEED - speed)
+        }
+    }
+
+    /// Step 5, and the balancer shift, whose conditions look at the same roll error.
+    fn lean_reference(
+        &mut self,
+        m: &Measurement,
+        turn: &TurnMoment,
+        acceleration: f64,
+    ) -> OutputReference {
+        let conditions = ShiftConditions {
+            acceleration,
+            divergent: self.divergent_error(m),
+            balancer: m.balancer,
+            balancer_rate: m.balancer_rate,
+        };
+        if self.supervisor.tick(&conditions, self.period) {
+            self.law.set_offset(self.supervisor.offset().d);
+            self.lean.set_model(self.law.model());
+        }
+        if self.phase == Phase::Hold {
+            self.lean.look_at_nothing();
+            return self.lean.tick(0.0, self.period);
+        }
+        let motion = PlaneMotion {
+            pose: m.pose,
+            speed: m.speed,
+            yaw_rate: turn.yaw_rate,
+            yaw_acceleration: turn.yaw_acceleration,
+        };
+        self.lean.look(
+            self.law.model(),
+            &self.path,
+            &motion,
+            self.pvfc.virtual_time(),
+        );
+        let equilibrium = self
+            .law
+            .model()
+            .equilibrium_lean(turn.centripetal, turn.yaw_acceleration);
+        self.lean.tick(equilibrium, self.period)
+    }
+
+    /// `alpha + alpha'/lambda - xi_ref`, rad: what decides whether the bike can still be saved.
+    fn divergent_error(&self, m: &Measurement) -> f64 {
+        m.roll + m.roll_rate / self.law.model().toppling_rate() - self.lean.divergent()
+    }
+
+    /// Steers into a fall when the balancer alone may not be enough.
+    fn assisted(&self, steer_rate: f64, m: &Measurement, cos2: f64) -> f64 {
+        /// Below this speed steering makes hardly any moment, m/s.
+        const SPEED_FLOOR: f64 = 0.4;
+        /// The yaw rate is corrected within this time, s.
+        const TIME: f64 = 0.1;
+        let Some((gain, dead_zone)) = self.assist else {
+            return steer_rate;
+        };
+        if self.phase == Phase::Hold {
+            return steer_rate;
+        }
+        let error = self.divergent_error(m);
+        let beyond = error - error.clamp(-dead_zone, dead_zone);
+        let speed = m.speed.max(SPEED_FLOOR);
+        let model = self.law.model();
+        let yaw_rate =
+            -gain * model.toppling_stiffness() * beyond / (model.centripetal_arm() * speed);
+        let limit = self.bike.steer_rate_max;
+        let assisted = steer_rate + self.bike.wheelbase * cos2 / speed * yaw_rate / TIME;
+        let assisted = assisted.clamp(-limit, limit);
+        if m.steer.abs() >= self.bike.steer_max() && assisted * m.steer > 0.0 {
+            0.0
+        } else {
+            assisted
+        }
+    }
+}
+
+impl Controller for RideController {
+    type Output = ControlOutput;
+
+    fn tick(&mut self, measurement: &Measurement) -> Result<ControlOutput, ControlError> {
+        Self::tick(self, measurement)
+    }
+}
+
+/// The look-ahead point and its velocity, world frame.
+fn followed_point(bike: &BikeParams, follow: &FollowParams, m: &Measurement) -> (Vector2, Vector2) {
+    let (forward, left) = (m.pose.direction(), m.pose.left_normal());
+    let yaw_rate = m.speed * m.steer.tan() / bike.wheelbase;
+    (
+        m.pose.position.coords + forward * follow.look_ahead,
+        forward * m.speed + left * (follow.look_ahead * yaw_rate),
+    )
+}

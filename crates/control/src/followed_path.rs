@@ -1,0 +1,418 @@
+//! The curve that the look-ahead point is to follow, tabulated by arc length.
+//!
+//! A planned path may jump in curvature at its joints; the steering can only ramp. With
+//! [`Track::RearContact`] the plan is averaged along its arc length, so a jump becomes a ramp
+//! over the smoothing window, and the followed curve is the trace of the look-ahead point while
+//! the rear contact rides the averaged plan. The speed profile then knows the steering rate each
+//! place needs. With [`Track::LookAheadPoint`] the plan itself, continued straight by the
+//! look-ahead, is the followed curve.
+
+use bikebot_geometry::{CurvePath, Point2, Pose2, Vector2, angle};
+
+use crate::error::ControlError;
+use crate::params::{FollowParams, Track};
+use crate::profile::{corner_speed, moving_average, speed_profile};
+
+/// Spacing of the table, m; the last sample lies on the end, so it varies by half of one per cent.
+const SPACING: f64 = 0.01;
+/// A second, short average that rounds the ramps the first one makes of curvature jumps, as a
+/// share of the smoothing window; the steering lag needs about this much distance.
+const ROUNDING_SHARE: f64 = 1.0 / 3.0;
+
+/// What the bike imposes on the profile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RideLimits {
+    /// Wheelbase `w`, m.
+    pub wheelbase: f64,
+    /// Greatest steering rate, rad/s.
+    pub steer_rate: f64,
+    /// Greatest lateral acceleration that tyres and balance allow, m/s^2.
+    pub lateral_acceleration: f64,
+}
+
+/// The followed curve at one arc length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathSample {
+    /// Position, world frame, m.
+    pub position: Point2,
+    /// Heading of the tangent, rad, not wrapped along the path.
+    pub heading: f64,
+    /// Curvature for feed-forward, 1/m, positive to the left.
+    pub curvature: f64,
+    /// `rho`, m/s: speed of the profile.
+    pub speed: f64,
+    /// `d rho/ds`, 1/s.
+    pub speed_slope: f64,
+}
+
+/// Where a point lies beside the followed curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Projection {
+    /// Arc length of the nearest point of the curve, m.
+    pub s: f64,
+    /// Distance to the left of the curve, m.
+    pub lateral: f64,
+}
+
+/// Arc-length table of the followed curve with its speed profile.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FollowedPath {
+    samples: Vec<PathSample>,
+    step: f64,
+    /// Pose in which the rear contact shall come to rest.
+    goal: Pose2,
+    braking: f64,
+    speed_max: f64,
+}
+
+impl FollowedPath {
+    /// Least length of a planned path, m.
+    pub const MIN_LENGTH: f64 = 0.2;
+
+    /// Tabulates the curve that makes the rear contact ride `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::PathTooShort`] below [`Self::MIN_LENGTH`] and
+    /// [`ControlError::PathDegenerate`] where the path has no direction.
+    pub fn new(
+        path: &CurvePath,
+        params: &FollowParams,
+        limits: &RideLimits,
+    ) -> Result<Self, ControlError> {
+        let length = path.length();
+        if !(length >= Self::MIN_LENGTH && length.is_finite()) {
+            return Err(ControlError::PathTooShort {
+                length,
+                least: Self::MIN_LENGTH,
+            });
+        }
+        let lateral = params.lateral_acceleration.min(limits.lateral_acceleration);
+        let curve = match params.track {
+            Track::LookAheadPoint => look_ahead_curve(path, params, lateral),
+            Track::RearContact => rear_curve(path, params, limits, lateral)?,
+        };
+        let Curve {
+            positions,
+            headings,
+            curvatures,
+            speed_limits,
+            step,
+        } = curve;
+        let speeds = speed_profile(
+            &speed_limits,
+            step,
+            params.end_speed,
+            params.longitudinal_acceleration,
+        );
+        let n = positions.len();
+        let samples: Vec<PathSample> = (0..n)
+            .map(|i| {
+                let (before, after) = (i.saturating_sub(1), (i + 1).min(n - 1));
+                PathSample {
+                    position: positions[i],
+                    heading: headings[i],
+                    curvature: curvatures[i],
+                    speed: speeds[i],
+                    speed_slope: (speeds[after] - speeds[before])
+                        / (step * (after - before) as f64),
+                }
+            })
+            .collect();
+        let finite =
+            |p: &PathSample| p.position.coords.iter().all(|c| c.is_finite()) && p.speed.is_finite();
+        if let Some(i) = samples.iter().position(|p| !finite(p)) {
+            return Err(ControlError::PathDegenerate {
+                arc_length: i as f64 * step,
+            });
+        }
+        let speed_max = speeds.iter().copied().fold(0.0, f64::max);
+        Ok(Self {
+            samples,
+            step,
+            goal: path.end_pose(),
+            braking: params.braking_deceleration,
+            speed_max,
+        })
+    }
+
+    /// The table, from the first to the last sample.
+    #[must_use]
+    pub fn samples(&self) -> &[PathSample] {
+        &self.samples
+    }
+
+    /// Distance between two samples, m.
+    #[must_use]
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+
+    /// Length of the followed curve, m: at its end the rear contact has arrived.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.step * (self.samples.len() - 1) as f64
+    }
+
+    /// Pose in which the rear contact shall come to rest.
+    #[must_use]
+    pub fn goal(&self) -> Pose2 {
+        self.goal
+    }
+
+    /// Greatest speed of the profile, m/s.
+    #[must_use]
+    pub fn speed_max(&self) -> f64 {
+        self.speed_max
+    }
+
+    /// The curve and its profile at arc length `s`, m; straight on beyond both ends.
+    #[must_use]
+    pub fn sample(&self, s: f64) -> PathSample {
+        let last = self.samples.len() - 1;
+        let length = self.length();
+        if s < 0.0 || s > length {
+            let (end, beyond) = if s < 0.0 {
+                (self.samples[0], s)
+            } else {
+                (self.samples[last], s - length)
+            };
+            let (sin, cos) = end.heading.sin_cos();
+            return PathSample {
+                position: end.position + Vector2::new(cos, sin) * beyond,
+                curvature: 0.0,
+                speed_slope: 0.0,
+                ..end
+            };
+        }
+        let x = s / self.step;
+        let i = (x as usize).min(last - 1);
+        let t = x - i as f64;
+        let (a, b) = (&self.samples[i], &self.samples[i + 1]);
+        let mix = |from: f64, to: f64| from + t * (to - from);
+        PathSample {
+            position: a.position + (b.position - a.position) * t,
+            heading: mix(a.heading, b.heading),
+            curvature: mix(a.curvature, b.curvature),
+            speed: mix(a.speed, b.speed),
+            speed_slope: mix(a.speed_slope, b.speed_slope),
+        }
+    }
+
+    /// As [`Self::sample`], with the profile brought down to standstill at the end.
+    #[must_use]
+    pub fn riding_sample(&self, s: f64) -> PathSample {
+        /// Below this the braking law is given up for standstill, m/s; it bounds the slope of the profile.
+        const CREEP: f64 = 0.02;
+        let mut sample = self.sample(s);
+        let braking = self.braking_speed(self.length() - s);
+        if braking < CREEP {
+            sample.speed = 0.0;
+            sample.speed_slope = 0.0;
+        } else if braking < sample.speed {
+            sample.speed = braking;
+            sample.speed_slope = -self.braking / braking;
+        }
+        sample
+    }
+
+    /// The speed from which the bike comes to rest within `distance` m, m/s.
+    #[must_use]
+    pub fn braking_speed(&self, distance: f64) -> f64 {
+        (2.0 * self.braking * distance.max(0.0)).sqrt()
+    }
+
+    /// How far the rear contact at `rear` still has to ride, m, when the look-ahead point is at
+    /// arc length `s`; negative past the goal.
+    #[must_use]
+    pub fn remaining(&self, rear: Point2, s: f64) -> f64 {
+        /// Within this distance the goal's own tangent measures better than the look-ahead point, m.
+        const NEAR: f64 = 0.4;
+        let along_curve = self.length() - s;
+        if along_curve > NEAR {
+            along_curve
+        } else {
+            (self.goal.position - rear).dot(&self.goal.direction())
+        }
+    }
+
+    /// The nearest point of the curve, looked for up to `reach` m before and behind arc length `near`.
+    #[must_use]
+    pub fn project(&self, point: Point2, near: f64, reach: f64) -> Projection {
+        let last = self.samples.len() - 1;
+        let index = |s: f64| ((s / self.step).max(0.0) as usize).min(last);
+        let (from, to) = (index(near - reach), index(near + reach + self.step));
+        let mut best = from;
+        let mut least = f64::INFINITY;
+        for (i, sample) in self.samples[from..=to].iter().enumerate() {
+            let distance = (point - sample.position).norm_squared();
+            if distance < least {
+                least = distance;
+                best = from + i;
+            }
+        }
+        // The samples are close enough for the foot to be found on the tangent of the nearest one;
+        // its sagitta over half a step is below 1e-5 m at any curvature a bike can ride.
+        let sample = &self.samples[best];
+        let (sin, cos) = sample.heading.sin_cos();
+        let offset = point - sample.position;
+        let along = offset.x * cos + offset.y * sin;
+        let side = offset.y * cos - offset.x * sin;
+        Projection {
+            s: best as f64 * self.step + along,
+            lateral: side - 0.5 * sample.curvature * along * along,
+        }
+    }
+}
+
+/// The table before the profile.
+struct Curve {
+    positions: Vec<Point2>,
+    headings: Vec<f64>,
+    curvatures: Vec<f64>,
+    speed_limits: Vec<f64>,
+    step: f64,
+}
+
+/// Number of steps and step that divide `length` about every [`SPACING`] m.
+fn divide(length: f64) -> (usize, f64) {
+    let n = ((length / SPACING).round() as usize).max(2);
+    (n, length / n as f64)
+}
+
+/// The plan at arc length `s`, continued straight beyond both ends.
+fn extended(path: &CurvePath, s: f64) -> (Point2, f64, f64) {
+    let length = path.length();
+    let at = path.at(s.clamp(0.0, length));
+    let beyond = s - s.clamp(0.0, length);
+    let (sin, cos) = at.heading.sin_cos();
+    let curvature = if beyond == 0.0 { at.curvature } else { 0.0 };
+    (
+        at.position + Vector2::new(cos, sin) * beyond,
+        at.heading,
+        curvature,
+    )
+}
+
+/// Adds whole turns so that no heading differs from the one before by more than half a turn.
+fn unwrap_headings(headings: &mut [f64]) {
+    for i in 1..headings.len() {
+        headings[i] = headings[i - 1] + angle::difference(headings[i], headings[i - 1]);
+    }
+}
+
+/// The plan itself with its straight run-out.
+fn look_ahead_curve(path: &CurvePath, params: &FollowParams, lateral: f64) -> Curve {
+    let (n, step) = divide(path.length() + params.look_ahead);
+    let samples: Vec<_> = (0..=n).map(|i| extended(path, i as f64 * step)).collect();
+    let mut headings: Vec<f64> = samples.iter().map(|p| p.1).collect();
+    unwrap_headings(&mut headings);
+    let curvatures: Vec<f64> = samples.iter().map(|p| p.2).collect();
+    Curve {
+        positions: samples.iter().map(|p| p.0).collect(),
+        headings,
+        speed_limits: curvatures
+            .iter()
+            .map(|k| corner_speed(*k, lateral, params.max_speed))
+            .collect(),
+        curvatures: moving_average(&curvatures, (params.curvature_window / step) as usize),
+        step,
+    }
+}
+
+/// The trace of the look-ahead point while the rear contact rides the averaged plan.
+fn rear_curve(
+    path: &CurvePath,
+    params: &FollowParams,
+    limits: &RideLimits,
+    lateral: f64,
+) -> Result<Curve, ControlError> {
+    let (n, h) = divide(path.length());
+    let odd = |window: f64| 2 * ((0.5 * window / h).round() as usize) + 1;
+    let wide = odd(params.smoothing_window);
+    let narrow = odd(params.smoothing_window * ROUNDING_SHARE);
+    let pad = (wide + narrow) / 2 + 2;
+    let planned: Vec<_> = (0..n + 2 * pad + 1)
+        .map(|i| extended(path, (i as f64 - pad as f64) * h))
+        .collect();
+    let smooth = |of: fn(&(Point2, f64, f64)) -> f64| {
+        let raw: Vec<f64> = planned.iter().map(of).collect();
+        moving_average(&moving_average(&raw, wide), narrow)
+    };
+    let (xs, ys) = (smooth(|p| p.0.x), smooth(|p| p.0.y));
+    let smoothed_curvature = smooth(|p| p.2);
+
+    // Look-ahead point and the greatest speed there, for each place of the rear contact.
+    let mut trace = Vec::with_capacity(n + 1);
+    for i in pad..=pad + n {
+        let chord = Vector2::new(xs[i + 1] - xs[i - 1], ys[i + 1] - ys[i - 1]);
+        let length = chord.norm();
+        if length.is_nan() || length <= 0.1 * h {
+            return Err(ControlError::PathDegenerate {
+                arc_length: (i - pad) as f64 * h,
+            });
+        }
+        let position = Point2::new(xs[i], ys[i]) + chord * (params.look_ahead / length);
+        let curvature = smoothed_curvature[i];
+        let slope = (smoothed_curvature[i + 1] - smoothed_curvature[i - 1]) / (2.0 * h);
+        let steer = limits.wheelbase * curvature;
+        let steer_slope = limits.wheelbase * slope.abs() / (1.0 + steer * steer);
+        let stretch = (1.0 + (params.look_ahead * curvature).powi(2)).sqrt();
+        let steering =
+            stretch * params.steer_rate_share * limits.steer_rate / steer_slope.max(1e-9);
+        let planned_curvature = planned[i].2.abs().max(curvature.abs());
+        trace.push((
+            position,
+            corner_speed(planned_curvature, lateral, params.max_speed).min(steering),
+        ));
+    }
+
+    // The trace again, equally spaced along itself.
+    let mut arc = vec![0.0];
+    for pair in trace.windows(2) {
+        arc.push(arc[arc.len() - 1] + (pair[1].0 - pair[0].0).norm());
+    }
+    let total = arc[arc.len() - 1];
+    let (count, step) = divide(total);
+    let mut k = 0;
+    let mut positions = Vec::with_capacity(count + 1);
+    let mut speed_limits = Vec::with_capacity(count + 1);
+    for i in 0..=count {
+        let s = (i as f64 * step).min(total);
+        while k + 2 < arc.len() && arc[k + 1] < s {
+            k += 1;
+        }
+        let span = arc[k + 1] - arc[k];
+        let t = if span > 0.0 {
+            ((s - arc[k]) / span).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let (a, b) = (&trace[k], &trace[k + 1]);
+        positions.push(a.0 + (b.0 - a.0) * t);
+        speed_limits.push(a.1.min(b.1));
+    }
+    let at = |i: usize| positions[i];
+    let mut headings: Vec<f64> = (0..=count)
+        .map(|i| {
+            let d = at((i + 1).min(count)) - at(i.saturating_sub(1));
+            d.y.atan2(d.x)
+        })
+        .collect();
+    unwrap_headings(&mut headings);
+    let curvatures: Vec<f64> = (0..=count)
+        .map(|i| {
+            let (before, after) = (i.saturating_sub(1), (i + 1).min(count));
+            (headings[after] - headings[before]) / (step * (after - before) as f64)
+        })
+        .collect();
+    // The differences above amplify the rounding of the table; three samples are enough to hide it.
+    let curvatures = moving_average(&curvatures, 3);
+    Ok(Curve {
+        positions,
+        headings,
+        curvatures,
+        speed_limits,
+        step,
+    })
+}

@@ -1,0 +1,164 @@
+//! Passive velocity field control of the augmented point mass.
+//!
+//! With the augmented velocity `q'`, `p = M q'`, `P = M V` and `w = M V'`, the force
+//!
+//! ```text
+//! tau_c = (w (P . q') - P (w . q'))/(2 E),     tau_f = gamma (P (p . q') - p (P . q'))
+//! ```
+//!
+//! is skew in `q'` and so does no work: the energy `k = q'^T M q'/2` changes only through forces
+//! from outside. It turns `q'` towards a multiple of the field. A regulator on the flywheel
+//! restores the energy level that slopes and drag take away; it is not part of the passive law
+//! and is accounted for separately ([`crate::lyapunov`]).
+
+use bikebot_geometry::Vector2;
+use nalgebra::Vector4;
+
+use crate::followed_path::FollowedPath;
+use crate::params::FollowParams;
+use crate::velocity_field::{FieldValue, VelocityField};
+
+/// The skew coupling force at `velocity` in a field of energy `energy`.
+#[must_use]
+pub fn coupling_force(
+    inertia: &Vector4<f64>,
+    velocity: &Vector4<f64>,
+    field: &FieldValue,
+    energy: f64,
+    coupling_gain: f64,
+) -> Vector4<f64> {
+    let momentum = inertia.component_mul(velocity);
+    let field_momentum = inertia.component_mul(&field.velocity);
+    let field_force = inertia.component_mul(&field.rate);
+    let along_field = field_momentum.dot(velocity);
+    let covariant =
+        (field_force * along_field - field_momentum * field_force.dot(velocity)) / (2.0 * energy);
+    let feedback =
+        (field_momentum * momentum.dot(velocity) - momentum * along_field) * coupling_gain;
+    covariant + feedback
+}
+
+/// The augmented system in motion: the point is measured, virtual time and flywheel are software.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pvfc {
+    field: VelocityField,
+    coupling_gain: f64,
+    energy_gain: f64,
+    level: f64,
+    virtual_time: f64,
+    virtual_rate: f64,
+    flywheel_rate: f64,
+}
+
+/// What one step of the law asks for, and what it did to the energy.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PvfcStep {
+    /// Commanded acceleration of the followed point, world frame, m/s^2.
+    pub acceleration: Vector2,
+    /// The field it moved in.
+    pub field: FieldValue,
+    /// Force on the point, N.
+    pub force: Vector2,
+    /// `k`, J, before the step.
+    pub stored: f64,
+    /// Power of the energy regulator, W.
+    pub regulator_power: f64,
+    /// What an explicit Euler step of these forces adds to the energy, `dt^2 tau' M^-1 tau / 2`, J.
+    pub euler_excess: f64,
+}
+
+impl Pvfc {
+    /// Starts at arc length `virtual_time`, m, with the point moving at `point_rate` and the
+    /// virtual time keeping pace with it, m/s; the flywheel gets the rest of the energy.
+    #[must_use]
+    pub fn new(
+        params: &FollowParams,
+        field: VelocityField,
+        virtual_time: f64,
+        virtual_rate: f64,
+        point_rate: Vector2,
+    ) -> Self {
+        let level = params.speed_level * params.speed_level * field.energy();
+        let m = field.inertia();
+        let rest =
+            2.0 * level - m[0] * point_rate.norm_squared() - m[2] * virtual_rate * virtual_rate;
+        Self {
+            field,
+            coupling_gain: params.coupling_gain,
+            energy_gain: params.energy_gain,
+            level,
+            virtual_time,
+            virtual_rate,
+            // A bike faster than the level allows starts with a flywheel that barely turns.
+            flywheel_rate: (rest / m[3]).max(1e-6).sqrt(),
+        }
+    }
+
+    /// `s`, m.
+    #[must_use]
+    pub fn virtual_time(&self) -> f64 {
+        self.virtual_time
+    }
+
+    /// `s'`, m/s.
+    #[must_use]
+    pub fn virtual_rate(&self) -> f64 {
+        self.virtual_rate
+    }
+
+    /// `f'`, m/s.
+    #[must_use]
+    pub fn flywheel_rate(&self) -> f64 {
+        self.flywheel_rate
+    }
+
+    /// `k = q'^T M q'/2`, J, with the point moving at `point_rate`.
+    #[must_use]
+    pub fn stored_energy(&self, point_rate: Vector2) -> f64 {
+        let m = self.field.inertia();
+        0.5 * (m[0] * point_rate.norm_squared()
+            + m[2] * self.virtual_rate * self.virtual_rate
+            + m[3] * self.flywheel_rate * self.flywheel_rate)
+    }
+
+    /// One step of `dt` seconds from the measured point, m, and its velocity, m/s.
+    pub fn step(
+        &mut self,
+        path: &FollowedPath,
+        point: Vector2,
+        point_rate: Vector2,
+        dt: f64,
+    ) -> PvfcStep {
+        let sample = path.riding_sample(self.virtual_time);
+        let field = self
+            .field
+            .evaluate(&sample, point, point_rate, self.virtual_rate);
+        let velocity = Vector4::new(
+            point_rate.x,
+            point_rate.y,
+            self.virtual_rate,
+            self.flywheel_rate,
+        );
+        let m = self.field.inertia();
+        let energy = self.field.energy();
+        let mut force = coupling_force(&m, &velocity, &field, energy, self.coupling_gain);
+        let stored = self.stored_energy(point_rate);
+        let regulator =
+            -self.energy_gain * (stored - self.level) / energy * m[3] * self.flywheel_rate;
+        force[3] += regulator;
+        let regulator_power = regulator * self.flywheel_rate;
+        let acceleration = force.component_div(&m);
+        let euler_excess = 0.5 * dt * dt * force.dot(&acceleration);
+        self.virtual_time += self.virtual_rate * dt + 0.5 * acceleration[2] * dt * dt;
+        self.virtual_rate += acceleration[2] * dt;
+        self.flywheel_rate += acceleration[3] * dt;
+        PvfcStep {
+            acceleration: Vector2::new(acceleration.x, acceleration.y),
+            field,
+            force: Vector2::new(force.x, force.y),
+            stored,
+            regulator_power,
+            euler_excess,
+        }
+    }
+}
