@@ -37,7 +37,7 @@ impl From<StopReason> for CutShort {
     }
 }
 
-/// Limits on one call of `plan`; the default is none.
+/// Limits on one call of [`plan`](crate::plan); the default is none.
 #[derive(Clone, Copy, Default)]
 pub struct Budget<'a> {
     /// Iterations of all stages together: samples, shortcut attempts, batches of cells.

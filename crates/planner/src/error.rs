@@ -2,6 +2,7 @@
 //! outcome of it.
 
 use bikebot_geometry::Point2;
+use bikebot_world::FootprintError;
 use serde::{Deserialize, Serialize};
 
 /// Which end of a path.
@@ -80,11 +81,6 @@ pub enum PlanError {
         expected: &'static str,
     },
     /// A footprint that cannot be read.
-    #[error("footprint {text:?}: {problem}")]
-    InvalidFootprint {
-        /// What was written.
-        text: String,
-        /// What is wrong with it.
-        problem: String,
-    },
+    #[error(transparent)]
+    InvalidFootprint(#[from] FootprintError),
 }

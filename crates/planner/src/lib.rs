@@ -5,16 +5,33 @@
 //! curvatures 1/m. Nothing here reads a clock, opens a file or draws from a global source of chance:
 //! equal inputs and an equal seed give an equal report, bit for bit.
 
+pub mod birrt;
 pub mod budget;
 pub mod chance;
+pub mod connectivity;
 pub mod cost;
 pub mod error;
 pub mod kd_tree;
+pub mod metrics;
+pub mod motion;
 pub mod params;
+mod point_tree;
+pub mod problem;
+pub mod report;
+pub mod rrt;
+pub mod rrt_star;
 pub mod sampler;
+pub mod search;
+pub mod shortcut;
 pub mod steer;
+#[cfg(test)]
+mod test_scenes;
 pub mod tree;
 
 pub use budget::{Budget, CutShort, Meter, StopReason};
 pub use error::{End, PlanError};
+pub use metrics::PathMetrics;
+pub use motion::MotionChecker;
 pub use params::{CostRule, Errata, GoalMode, Method, PlannerParams, TangentRule};
+pub use problem::{EndPose, GoalRegion, PlanningProblem};
+pub use report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};

@@ -4,6 +4,7 @@
 //! larger field needs one number changed.
 
 use crate::error::PlanError;
+use bikebot_world::Footprint;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -175,8 +176,7 @@ pub struct PlannerParams {
     /// Outline that must fit: "bike" (the bike's own), "point", "disc:0.4" (radius), "capsule:1.8x0.6" or "box:1.8x0.6"
     /// (length x width, m).
     pub footprint: String,
-    /// Iterations of RRT* (the paper's n): in the corridor for "paper", over the whole field for "rrt_star", which may
-    /// stop sooner at its first arrival. Table 1 leaves it out; 3000 is where the cost has settled on the yard.
+    /// Iterations of RRT* in the corridor (the paper's n). Table 1 leaves it out; at 3000 the cost has settled on the yard.
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub iterations: u64,
     /// Most samples that RRT, RRT* and BiRRT may draw before they give up.
@@ -326,7 +326,7 @@ impl PlannerParams {
     }
 
     /// Table 1's radius of the goal ball, l = 3 in units of the scale, m: what to put into
-    /// `GoalRegion::tolerance` where a table is to be reproduced.
+    /// [`GoalRegion::tolerance`](crate::problem::GoalRegion) where a table is to be reproduced.
     #[must_use]
     pub fn table_goal_tolerance(&self) -> f64 {
         3.0 * self.scale
@@ -342,6 +342,15 @@ impl PlannerParams {
     #[must_use]
     pub fn clearance_resolution(&self) -> f64 {
         self.clearance_resolution_scales * self.scale
+    }
+
+    /// The outline that `footprint` names.
+    ///
+    /// # Errors
+    ///
+    /// [`PlanError::InvalidFootprint`] if it names none.
+    pub fn parse_footprint(&self) -> Result<Footprint, PlanError> {
+        Ok(self.footprint.parse()?)
     }
 
     /// Checks the numbers a search divides by or steps with, for callers that do not go through a scenario.
@@ -400,6 +409,7 @@ mod tests {
             PlannerParams::literal(),
         ] {
             params.check().unwrap();
+            params.parse_footprint().unwrap();
             let text = serde_json::to_string(&params).unwrap();
             assert_eq!(
                 serde_json::from_str::<PlannerParams>(&text).unwrap(),

@@ -158,3 +158,77 @@ impl PlanningProblem<'_> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::{block, room};
+
+    fn problem(world: &World) -> PlanningProblem<'_> {
+        PlanningProblem {
+            world,
+            footprint: Footprint::bike(),
+            start: EndPose::pose(2.0, 2.0, 0.0),
+            goal: GoalRegion {
+                position: Point2::new(8.0, 8.0),
+                heading: None,
+                tolerance: 0.3,
+            },
+            max_curvature: 0.8,
+        }
+    }
+
+    #[test]
+    fn tells_which_end_makes_no_sense_and_why() {
+        let world = room(10.0, vec![block(3.0, 1.0, 4.0, 3.0)]);
+        // The bike's front, 1.46 m ahead of the rear contact, is in the block; without a heading its disc is not.
+        let error = problem(&world).check(0.0).unwrap_err();
+        assert!(matches!(error, PlanError::StartInObstacle { clearance, .. } if clearance < 0.0));
+        let free = EndPose::point(2.0, 2.0);
+        let start = |start| PlanningProblem {
+            start,
+            ..problem(&world)
+        };
+        assert_eq!(start(free).check(0.0), Ok(()));
+        assert!(matches!(
+            start(EndPose::point(2.0, -1.0)).check(0.0),
+            Err(PlanError::OutsideMap {
+                which: End::Start,
+                ..
+            })
+        ));
+        assert!(matches!(
+            start(EndPose::point(f64::NAN, 1.0)).check(0.0),
+            Err(PlanError::InvalidParameter { name: "x_m", .. })
+        ));
+        let mut other = start(free);
+        other.goal.position = Point2::new(3.5, 2.0);
+        assert!(matches!(
+            other.check(0.0),
+            Err(PlanError::GoalInObstacle { .. })
+        ));
+        let mut other = start(free);
+        other.max_curvature = 0.0;
+        assert!(matches!(
+            other.check(0.0),
+            Err(PlanError::InvalidParameter {
+                name: "max_curvature_per_m",
+                ..
+            })
+        ));
+    }
+
+    #[test]
+    fn a_margin_is_asked_for_at_the_ends_too() {
+        let world = room(10.0, vec![]);
+        let near_edge = PlanningProblem {
+            start: EndPose::pose(2.0, 0.5, 0.0),
+            ..problem(&world)
+        };
+        assert_eq!(near_edge.check(0.1), Ok(()));
+        assert!(matches!(
+            near_edge.check(0.25),
+            Err(PlanError::StartInObstacle { .. })
+        ));
+    }
+}

@@ -316,6 +316,17 @@ pub(crate) fn segments_meet(a: Point2, b: Point2, c: Point2, d: Point2) -> Optio
     }
 }
 
+/// Squared distance (m²) between two closed segments; 0 where they meet.
+pub(crate) fn segment_segment_distance_squared(a: Point2, b: Point2, c: Point2, d: Point2) -> f64 {
+    if segments_meet(a, b, c, d).is_some() {
+        return 0.0;
+    }
+    point_segment_distance_squared(a, c, d)
+        .min(point_segment_distance_squared(b, c, d))
+        .min(point_segment_distance_squared(c, a, b))
+        .min(point_segment_distance_squared(d, a, b))
+}
+
 /// Whether `p` lies in the ring of vertices (even-odd rule; on the boundary either answer).
 pub(crate) fn ring_contains(ring: &[Point2], p: Point2) -> bool {
     let mut inside = false;
@@ -396,6 +407,9 @@ mod tests {
         assert_eq!(overlap, Some(p(1.0, 0.0)));
         let collinear = segments_meet(p(0.0, 0.0), p(1.0, 0.0), p(2.0, 0.0), p(3.0, 0.0));
         assert_eq!(collinear, None);
+        let d2 =
+            segment_segment_distance_squared(p(0.0, 0.0), p(1.0, 0.0), p(2.0, 1.0), p(3.0, 0.5));
+        assert_eq!(d2, 2.0);
     }
 
     #[test]

@@ -1,0 +1,295 @@
+//! Proof that start and goal lie in different rooms, so that a search need not spin.
+//!
+//! The field is cut into square cells. A cell is blocked if nowhere in it the footprint has the clearance that every accepted
+//! motion has (the margin and half the resolution). The cells that are not blocked cover all that can be ridden, so if a
+//! flood over these (across sides and corners) from the start dries up before it meets the flood from the goal, no motion
+//! leads from one to the other. The converse does not hold: floods that meet prove nothing. Finer cells see thinner walls.
+//!
+//! Both floods advance in turn, so the cost is that of the smaller room.
+
+use crate::budget::Meter;
+use crate::motion::MotionChecker;
+use bikebot_geometry::{Point2, Vector2};
+use std::collections::VecDeque;
+
+/// Cells along the longer side of the field in the coarsest flood.
+const COARSEST: usize = 64;
+/// Refinements: the finest flood has 64 · 2⁴ = 1024 cells along the longer side, a megabyte of marks.
+const REFINEMENTS: u32 = 5;
+/// Samples in vain before the coarsest flood; each finer one, four times dearer, waits until twice as many.
+const PATIENCE: u64 = 1024;
+/// Cells that count as one iteration of the budget, so that a deadline holds here too.
+const CELLS_PER_ITERATION: u32 = 64;
+
+/// Times a cell may be cut into quarters: to a thousandth of its side.
+const QUARTERINGS: usize = 10;
+/// Most queries for one cell; a cell still undecided is taken as passable, so that nothing is proven by it.
+const QUERIES_PER_CELL: u32 = 300;
+
+/// Decides when a search that has not found anything should look for a proof that there is nothing to find.
+#[derive(Debug, Default)]
+pub(crate) struct Doubt {
+    refinement: u32,
+}
+
+impl Doubt {
+    /// To be called with the number of samples drawn in vain. `true` is a proof: nothing connects the two.
+    pub(crate) fn proves_separation(
+        &mut self,
+        samples: u64,
+        checker: &MotionChecker<'_>,
+        start: Point2,
+        goal: Point2,
+        meter: &mut Meter<'_>,
+    ) -> bool {
+        if self.refinement >= REFINEMENTS || samples < PATIENCE << self.refinement {
+            return false;
+        }
+        let cells = COARSEST << self.refinement;
+        self.refinement += 1;
+        are_separated(checker, start, goal, cells, meter)
+    }
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Mark {
+    Unseen,
+    Blocked,
+    Reached(usize),
+}
+
+/// Whether a flood over cells, `cells` of them along the longer side of the field, proves that the inscribed disc of the
+/// checker's footprint cannot get from `start` to `goal`.
+///
+/// `false` proves nothing: the floods met, or the budget ran out.
+#[must_use]
+pub fn are_separated(
+    checker: &MotionChecker<'_>,
+    start: Point2,
+    goal: Point2,
+    cells: usize,
+    meter: &mut Meter<'_>,
+) -> bool {
+    let world = checker.world();
+    let bounds = world.bounds();
+    let extent = bounds.max - bounds.min;
+    let cell = extent.x.max(extent.y) / cells.max(1) as f64;
+    if !(cell > 0.0 && cell.is_finite()) {
+        return false;
+    }
+    let columns = ((extent.x / cell).ceil() as usize).max(1);
+    let rows = ((extent.y / cell).ceil() as usize).max(1);
+    let locate = |p: Point2| {
+        let along = |x: f64, n: usize| ((x / cell).floor().max(0.0) as usize).min(n - 1);
+        (
+            along(p.x - bounds.min.x, columns),
+            along(p.y - bounds.min.y, rows),
+        )
+    };
+    let may_pass = |column: usize, row: usize| {
+        let centre = Point2::new(
+            bounds.min.x + (column as f64 + 0.5) * cell,
+            bounds.min.y + (row as f64 + 0.5) * cell,
+        );
+        has_room(checker, centre, 0.5 * cell)
+    };
+
+    let mut marks = vec![Mark::Unseen; columns * rows];
+    let mut fronts = [VecDeque::new(), VecDeque::new()];
+    for (side, end) in [start, goal].into_iter().enumerate() {
+        let (column, row) = locate(end);
+        let mark = &mut marks[row * columns + column];
+        if *mark != Mark::Unseen {
+            return false;
+        }
+        *mark = Mark::Reached(side);
+        fronts[side].push_back((column, row));
+    }
+    let mut visited = 0u32;
+    loop {
+        for (side, front) in fronts.iter_mut().enumerate() {
+            if visited.is_multiple_of(CELLS_PER_ITERATION) && !meter.step() {
+                return false;
+            }
+            visited += 1;
+            let Some((column, row)) = front.pop_front() else {
+                return true;
+            };
+            for near_row in row.saturating_sub(1)..(row + 2).min(rows) {
+                for near_column in column.saturating_sub(1)..(column + 2).min(columns) {
+                    let mark = &mut marks[near_row * columns + near_column];
+                    match *mark {
+                        Mark::Reached(by) if by != side => return false,
+                        Mark::Reached(_) | Mark::Blocked => {}
+                        Mark::Unseen if may_pass(near_column, near_row) => {
+                            *mark = Mark::Reached(side);
+                            front.push_back((near_column, near_row));
+                        }
+                        Mark::Unseen => *mark = Mark::Blocked,
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Whether the square about `centre` with the given half side (m) may hold a position whose clearance suffices.
+///
+/// Clearance changes by no more than the way travelled, so one query settles a square that is deep in an obstacle.
+/// Quarters are looked into where it does not: where two obstacles touch, or one touches the edge of the field, the depth on
+/// the seam is zero, and only squares of the size of the resolution see it closed.
+fn has_room(checker: &MotionChecker<'_>, centre: Point2, half: f64) -> bool {
+    let world = checker.world();
+    let need = checker.inscribed_radius() + checker.margin() + 0.5 * checker.resolution();
+    let mut open = [(centre, half); 3 * QUARTERINGS + 4];
+    let mut height = 1;
+    let mut queries = 0;
+    while height > 0 {
+        height -= 1;
+        let (centre, half) = open[height];
+        queries += 1;
+        if queries > QUERIES_PER_CELL || world.clearance_lower_bound(centre) >= need {
+            return true;
+        }
+        let clearance = world.clearance(centre);
+        if clearance >= need {
+            return true;
+        }
+        // The hair more covers the rounding of the centres.
+        if clearance + half * std::f64::consts::SQRT_2 * (1.0 + 1e-9) < need {
+            continue;
+        }
+        if height + 4 > open.len() {
+            return true;
+        }
+        let quarter = 0.5 * half;
+        for (dx, dy) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
+            open[height] = (centre + Vector2::new(dx, dy) * quarter, quarter);
+            height += 1;
+        }
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::budget::Budget;
+    use crate::test_scenes::{block, load, room};
+    use bikebot_world::{Footprint, World};
+
+    fn separated(
+        world: &World,
+        footprint: Footprint,
+        from: Point2,
+        to: Point2,
+        cells: usize,
+    ) -> bool {
+        let checker = MotionChecker::new(world, &footprint, 0.0, 0.02);
+        are_separated(
+            &checker,
+            from,
+            to,
+            cells,
+            &mut Meter::new(&Budget::unlimited()),
+        )
+    }
+
+    /// Two halves, joined by a gap in the wall between them.
+    fn halves(wall: f64, gap: f64) -> World {
+        room(
+            10.0,
+            vec![
+                block(5.0, 0.0, 5.0 + wall, 5.0 - gap / 2.0),
+                block(5.0, 5.0 + gap / 2.0, 5.0 + wall, 10.0),
+            ],
+        )
+    }
+
+    const LEFT: Point2 = Point2::new(2.0, 2.0);
+    const RIGHT: Point2 = Point2::new(8.0, 8.0);
+
+    #[test]
+    fn a_closed_wall_separates_and_the_finer_the_cells_the_thinner_it_may_be() {
+        for (wall, cells) in [(0.5, 64), (0.06, 512)] {
+            assert!(separated(
+                &halves(wall, 0.0),
+                Footprint::Point,
+                LEFT,
+                RIGHT,
+                cells
+            ));
+        }
+    }
+
+    #[test]
+    fn a_gap_is_closed_only_to_a_wider_footprint() {
+        let world = halves(0.5, 0.5);
+        let disc = |radius| Footprint::Disc { radius };
+        assert!(!separated(&world, Footprint::Point, LEFT, RIGHT, 256));
+        assert!(!separated(&world, disc(0.24), LEFT, RIGHT, 256));
+        assert!(separated(&world, disc(0.29), LEFT, RIGHT, 256));
+        assert!(separated(&world, Footprint::bike(), LEFT, RIGHT, 256));
+    }
+
+    /// However coarse the cells, a passage wider than the resolution is never taken for a wall.
+    #[test]
+    fn connected_places_are_never_called_separate() {
+        let scenes = [
+            "fig6",
+            "fig7",
+            "fig7-ride",
+            "narrow",
+            "maze",
+            "clutter200",
+            "clutter2000",
+        ];
+        for scene in scenes.map(load) {
+            for cells in [1, 7, 64, 128] {
+                let (start, goal) = (scene.start.position, scene.goal.position);
+                assert!(!separated(
+                    &scene.world,
+                    Footprint::Point,
+                    start,
+                    goal,
+                    cells
+                ));
+            }
+        }
+        for gap in [0.03, 0.1] {
+            assert!(!separated(
+                &halves(0.5, gap),
+                Footprint::Point,
+                LEFT,
+                RIGHT,
+                200
+            ));
+        }
+    }
+
+    #[test]
+    fn a_room_of_touching_walls_is_closed_even_to_a_point() {
+        let walls = vec![
+            block(6.0, 6.0, 9.5, 6.2),
+            block(6.0, 9.3, 9.5, 9.5),
+            block(6.0, 6.2, 6.2, 9.3),
+            block(9.3, 6.2, 9.5, 9.3),
+        ];
+        assert!(separated(
+            &room(10.0, walls),
+            Footprint::Point,
+            LEFT,
+            RIGHT,
+            256
+        ));
+    }
+
+    #[test]
+    fn the_flood_counts_against_the_budget() {
+        let world = room(10.0, vec![block(5.0, 0.0, 5.5, 10.0)]);
+        let checker = MotionChecker::new(&world, &Footprint::Point, 0.0, 0.02);
+        let mut meter = Meter::new(&Budget::of_iterations(3));
+        assert!(!are_separated(&checker, LEFT, RIGHT, 1024, &mut meter));
+        assert_eq!(meter.iterations(), 3);
+    }
+}

@@ -1,0 +1,640 @@
+//! Is this motion free, for this footprint? Conservative bisection on clearance; no sampling step.
+//!
+//! If no point of the footprint moves faster than `V` per unit of the curve's parameter, a clearance `c`
+//! at parameter `m` proves clearance of at least `c − V |t − m|` at every other `t`. One query thus
+//! clears an interval about `m`; what it leaves on both sides is examined the same way, middle first, because
+//! collisions usually show there. `true` means the clearance is at least the margin *everywhere*
+//! on the motion. `false` may be pessimistic by half the resolution δ.
+//!
+//! A point or a disc has `V ≥ |dP/dT|`, and its clearance is that of its centre less its radius.
+//! Another outline also swings: `V` grows by its reach times a bound on |dθ/dT| over the
+//! interval at hand. Covering discs accept cheaply; only where they do not is the exact shape asked.
+//!
+//! Every query and bound may be infinite or not a number (a cusp turns infinitely fast, input may be nonsense): comparisons
+//! are written so that anything but a proof refuses, and the work per motion is bounded.
+
+use bikebot_geometry::{CurvePath, FergusonCurve, ParametricCurve, Point2, Pose2, Vector2};
+use bikebot_world::{Footprint, FootprintDisc, World};
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// Intervals still to be examined. Each level at least halves the interval, so this depth resolves 2⁻⁶⁰ of a motion.
+const STACK: usize = 62;
+/// Most queries for one motion, and most intervals split in search of the least clearance. Reached only if the resolution
+/// is absurdly fine for the length of the motion.
+const MAX_QUERIES: u32 = 20_000;
+
+/// Decides whether poses and motions of one footprint are free in one world.
+#[derive(Debug, Clone)]
+pub struct MotionChecker<'w> {
+    world: &'w World,
+    footprint: Footprint,
+    /// Radius if the footprint is a disc about its reference point (0 for a point).
+    round: Option<f64>,
+    /// Radius of the largest disc about the reference point that the footprint contains, m.
+    inscribed: f64,
+    /// Farthest point of the footprint from its reference point, m.
+    reach: f64,
+    discs: Vec<FootprintDisc>,
+    margin: f64,
+    resolution: f64,
+}
+
+impl<'w> MotionChecker<'w> {
+    /// A checker that asks for `margin` (m) between footprint and obstacles, and may refuse what comes within
+    /// half of `resolution` (m, δ) of that.
+    #[must_use]
+    pub fn new(world: &'w World, footprint: &Footprint, margin: f64, resolution: f64) -> Self {
+        let round = match footprint {
+            Footprint::Point => Some(0.0),
+            Footprint::Disc { radius } => Some(*radius),
+            _ => None,
+        };
+        Self {
+            world,
+            round,
+            inscribed: inscribed_radius(footprint),
+            reach: footprint.reach(),
+            discs: footprint.discs(),
+            footprint: *footprint,
+            margin,
+            resolution,
+        }
+    }
+
+    /// The checker for a search that ignores headings: the largest disc about the reference point that the footprint
+    /// contains. Where even that cannot pass, the footprint cannot.
+    #[must_use]
+    pub fn inscribed(&self) -> Self {
+        let disc = if self.inscribed > 0.0 {
+            Footprint::Disc {
+                radius: self.inscribed,
+            }
+        } else {
+            Footprint::Point
+        };
+        Self::new(self.world, &disc, self.margin, self.resolution)
+    }
+
+    /// The world asked.
+    #[must_use]
+    pub fn world(&self) -> &'w World {
+        self.world
+    }
+
+    /// What must fit.
+    #[must_use]
+    pub fn footprint(&self) -> &Footprint {
+        &self.footprint
+    }
+
+    /// The clearance asked for, m.
+    #[must_use]
+    pub fn margin(&self) -> f64 {
+        self.margin
+    }
+
+    /// How far from touching a motion may be refused, δ, m.
+    #[must_use]
+    pub fn resolution(&self) -> f64 {
+        self.resolution
+    }
+
+    /// Radius of the largest disc about the reference point that the footprint contains, m.
+    #[must_use]
+    pub fn inscribed_radius(&self) -> f64 {
+        self.inscribed
+    }
+
+    /// Signed distance from the footprint at `pose` to the nearest obstacle or edge, m; negative if they overlap.
+    #[must_use]
+    pub fn pose_clearance(&self, pose: &Pose2) -> f64 {
+        match self.round {
+            Some(radius) => self.world.clearance(pose.position) - radius,
+            None => self.world.footprint_clearance(&self.footprint, pose),
+        }
+    }
+
+    /// Signed distance from the inscribed disc at `position` to the nearest obstacle or edge, m.
+    #[must_use]
+    pub fn position_clearance(&self, position: Point2) -> f64 {
+        self.world.clearance(position) - self.inscribed
+    }
+
+    /// Whether the footprint at `pose` has more than the margin, by at least half the resolution.
+    #[must_use]
+    pub fn is_pose_free(&self, pose: &Pose2) -> bool {
+        let need = self.margin + 0.5 * self.resolution;
+        self.lower_bound(pose, need) >= need
+    }
+
+    /// Whether the straight motion from `from` to `to` is free, the heading along it.
+    #[must_use]
+    pub fn is_segment_free(&self, from: Point2, to: Point2) -> bool {
+        let motion = Straight::new(from, to);
+        self.sweep(&motion)
+    }
+
+    /// Whether the footprint carried along `curve`, the heading along it, is free.
+    #[must_use]
+    pub fn is_curve_free(&self, curve: &FergusonCurve) -> bool {
+        self.sweep(&Curved::new(curve))
+    }
+
+    /// A value of the clearance at `pose` that is a lower bound always, and exact where it is below `need`.
+    fn lower_bound(&self, pose: &Pose2, need: f64) -> f64 {
+        let p = pose.position;
+        if let Some(radius) = self.round {
+            let bound = self.world.clearance_lower_bound(p) - radius;
+            if bound >= need {
+                return bound;
+            }
+            return self.world.clearance(p) - radius;
+        }
+        let direction = pose.direction();
+        let cover = |clearance: &dyn Fn(Point2) -> f64| {
+            self.discs
+                .iter()
+                .map(|disc| clearance(p + direction * disc.offset) - disc.radius)
+                .fold(f64::INFINITY, |least, c| {
+                    if c < least || c.is_nan() { c } else { least }
+                })
+        };
+        if !self.discs.is_empty() {
+            let bound = cover(&|q| self.world.clearance_lower_bound(q));
+            if bound >= need {
+                return bound;
+            }
+            let bound = cover(&|q| self.world.clearance(q));
+            if bound >= need {
+                return bound;
+            }
+        }
+        self.world.footprint_clearance(&self.footprint, pose)
+    }
+
+    fn sweep(&self, motion: &impl Motion) -> bool {
+        let floor = self.margin + 0.5 * self.resolution;
+        let mut stack = [(0.0, 0.0); STACK];
+        stack[0] = (0.0, 1.0);
+        let mut height = 1;
+        let mut queries = 0;
+        while height > 0 {
+            height -= 1;
+            let (from, to) = stack[height];
+            let middle = 0.5 * (from + to);
+            let half = 0.5 * (to - from);
+            let rate = self.rate(motion, from, to);
+            queries += 1;
+            if queries > MAX_QUERIES || height + 2 > STACK {
+                return false;
+            }
+            let need = self.margin + rate * half;
+            let clearance = self.lower_bound(&motion.pose(middle), need.max(floor));
+            if clearance < floor || clearance.is_nan() {
+                return false;
+            }
+            let proven = (clearance - self.margin) / rate;
+            if proven >= half {
+                continue;
+            }
+            if !(rate.is_finite() && proven > 0.0) {
+                // Nothing proven beyond the middle itself: halve, until the interval is as good as a point.
+                if half <= f64::EPSILON {
+                    return false;
+                }
+                stack[height] = (from, middle);
+                stack[height + 1] = (middle, to);
+            } else {
+                stack[height] = (from, middle - proven);
+                stack[height + 1] = (middle + proven, to);
+            }
+            height += 2;
+        }
+        true
+    }
+
+    /// No point of the footprint moves faster than this between the two parameters, m per unit of the parameter.
+    fn rate(&self, motion: &impl Motion, from: f64, to: f64) -> f64 {
+        if self.round.is_some() {
+            motion.speed()
+        } else {
+            motion.speed() + self.reach * motion.heading_rate(from, to)
+        }
+    }
+
+    /// Least clearance of the footprint along a chain of curves, m: a value the clearance is nowhere below, and at most
+    /// `tolerance` (m) less than the least value there is.
+    #[must_use]
+    pub fn least_clearance_of_path(&self, path: &CurvePath, tolerance: f64) -> f64 {
+        let motions: Vec<_> = path.segments().iter().map(Curved::new).collect();
+        self.least_clearance(&motions, tolerance)
+    }
+
+    /// The same along a polyline, the heading along each leg; the turns on the spot at its vertices are not looked at.
+    #[must_use]
+    pub fn least_clearance_of_polyline(&self, vertices: &[Point2], tolerance: f64) -> f64 {
+        if let [only] = vertices {
+            return self.position_clearance(*only);
+        }
+        let motions: Vec<_> = vertices
+            .windows(2)
+            .map(|w| Straight::new(w[0], w[1]))
+            .collect();
+        self.least_clearance(&motions, tolerance)
+    }
+
+    /// Best-first branch and bound over all intervals of all motions: always split the one that may hold the least.
+    fn least_clearance(&self, motions: &[impl Motion], tolerance: f64) -> f64 {
+        let tolerance = tolerance.max(1e-9);
+        let mut best = f64::INFINITY;
+        let mut open = BinaryHeap::new();
+        let examine = |index: usize, from: f64, to: f64, best: &mut f64| {
+            let motion = &motions[index];
+            let clearance = self.pose_clearance(&motion.pose(0.5 * (from + to)));
+            *best = best.min(clearance);
+            let bound = clearance - 0.5 * (to - from) * self.rate(motion, from, to);
+            Interval {
+                // Not a number is no bound at all.
+                bound: if bound.is_nan() {
+                    f64::NEG_INFINITY
+                } else {
+                    bound
+                },
+                index,
+                from,
+                to,
+            }
+        };
+        for index in 0..motions.len() {
+            let interval = examine(index, 0.0, 1.0, &mut best);
+            open.push(interval);
+        }
+        let mut queries = 0;
+        while let Some(interval) = open.pop() {
+            queries += 1;
+            if best - interval.bound <= tolerance || queries > MAX_QUERIES {
+                return interval.bound.min(best);
+            }
+            let middle = 0.5 * (interval.from + interval.to);
+            for (from, to) in [(interval.from, middle), (middle, interval.to)] {
+                let half = examine(interval.index, from, to, &mut best);
+                open.push(half);
+            }
+        }
+        best
+    }
+}
+
+/// Radius of the largest disc about the reference point that a footprint contains, m; 0 if the point lies outside.
+#[must_use]
+pub fn inscribed_radius(footprint: &Footprint) -> f64 {
+    match footprint {
+        Footprint::Point => 0.0,
+        Footprint::Disc { radius } => *radius,
+        Footprint::Capsule {
+            rear,
+            front,
+            radius,
+        } => (radius - rear.max(-front).max(0.0)).max(0.0),
+        Footprint::Rectangle {
+            rear,
+            front,
+            half_width,
+        } => half_width.min(-rear).min(*front).max(0.0),
+        // A shape not known here: its reference point is all that can be said to be inside.
+        _ => 0.0,
+    }
+}
+
+/// A motion over the parameter interval [0, 1].
+trait Motion {
+    fn pose(&self, t: f64) -> Pose2;
+    /// Bound on |dP/dT|.
+    fn speed(&self) -> f64;
+    /// Bound on |dθ/dT| between two parameters.
+    fn heading_rate(&self, from: f64, to: f64) -> f64;
+}
+
+struct Straight {
+    from: Point2,
+    step: Vector2,
+    speed: f64,
+    heading: f64,
+}
+
+impl Straight {
+    fn new(from: Point2, to: Point2) -> Self {
+        let step = to - from;
+        Self {
+            from,
+            step,
+            speed: step.norm(),
+            heading: step.y.atan2(step.x),
+        }
+    }
+}
+
+impl Motion for Straight {
+    fn pose(&self, t: f64) -> Pose2 {
+        Pose2 {
+            position: self.from + self.step * t,
+            heading: self.heading,
+        }
+    }
+
+    fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    fn heading_rate(&self, _: f64, _: f64) -> f64 {
+        0.0
+    }
+}
+
+struct Curved<'c> {
+    curve: &'c FergusonCurve,
+    speed: f64,
+}
+
+impl<'c> Curved<'c> {
+    fn new(curve: &'c FergusonCurve) -> Self {
+        Self {
+            curve,
+            speed: curve.speed_bound(),
+        }
+    }
+}
+
+impl Motion for Curved<'_> {
+    fn pose(&self, t: f64) -> Pose2 {
+        Pose2 {
+            position: self.curve.point(t),
+            heading: self.curve.heading(t),
+        }
+    }
+
+    fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    fn heading_rate(&self, from: f64, to: f64) -> f64 {
+        self.curve.heading_rate_bound(from, to)
+    }
+}
+
+/// An interval of one motion with a lower bound of the clearance on it; the least bound is the greatest entry of a heap.
+struct Interval {
+    bound: f64,
+    index: usize,
+    from: f64,
+    to: f64,
+}
+
+impl PartialEq for Interval {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Interval {}
+
+impl PartialOrd for Interval {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Interval {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other
+            .bound
+            .total_cmp(&self.bound)
+            .then(other.index.cmp(&self.index))
+            .then(other.from.total_cmp(&self.from))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::{block, room};
+    use proptest::prelude::*;
+
+    const BIKE: Footprint = Footprint::bike();
+    const BOX: Footprint = Footprint::Rectangle {
+        rear: -0.4,
+        front: 1.4,
+        half_width: 0.3,
+    };
+    const DISC: Footprint = Footprint::Disc { radius: 0.4 };
+    const ALL: [Footprint; 4] = [Footprint::Point, DISC, BIKE, BOX];
+
+    fn yard() -> World {
+        room(
+            20.0,
+            vec![
+                block(4.0, 4.0, 7.0, 9.0),
+                block(11.0, 2.0, 12.0, 12.0),
+                block(6.0, 13.0, 15.0, 14.0),
+                disc(15.0, 7.0, 1.5),
+            ],
+        )
+    }
+
+    fn disc(x: f64, y: f64, radius: f64) -> bikebot_world::Obstacle {
+        bikebot_world::Obstacle::Disc {
+            center: Point2::new(x, y),
+            radius,
+        }
+    }
+
+    /// Least clearance over 2000 poses: never below the truth, so a bound proven below it must not exceed it.
+    fn least_sampled(checker: &MotionChecker<'_>, pose: impl Fn(f64) -> Pose2) -> f64 {
+        (0..=2000)
+            .map(|i| checker.pose_clearance(&pose(f64::from(i) / 2000.0)))
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    fn curves() -> impl Strategy<Value = FergusonCurve> {
+        (
+            (1.0..19.0, 1.0..19.0, -3.2..3.2f64),
+            (0.5..6.0, -1.2..1.2f64, -1.5..1.5f64),
+        )
+            .prop_map(|((x, y, heading), (chord, bearing, turn))| {
+                let from = Pose2::new(x, y, heading);
+                let direction = heading + bearing;
+                let to = Pose2::new(
+                    x + chord * direction.cos(),
+                    y + chord * direction.sin(),
+                    heading + turn,
+                );
+                FergusonCurve::between(from, to, chord)
+            })
+    }
+
+    proptest! {
+        #[test]
+        fn an_accepted_motion_stays_free_when_sampled_finely(curve in curves(), margin in 0.0..0.3f64) {
+            let world = yard();
+            for footprint in &ALL {
+                let checker = MotionChecker::new(&world, footprint, margin, 0.02);
+                if checker.is_curve_free(&curve) {
+                    let least = least_sampled(&checker, |t| Pose2 {
+                        position: curve.point(t),
+                        heading: curve.heading(t),
+                    });
+                    // The guarantee has no tolerance; 1e-9 is the rounding of the distance queries.
+                    prop_assert!(least >= margin - 1e-9, "{footprint:?}: {least}");
+                }
+                let (a, b) = (curve.start_point(), curve.end_point());
+                if checker.is_segment_free(a, b) {
+                    let heading = (b.y - a.y).atan2(b.x - a.x);
+                    let least = least_sampled(&checker, |t| Pose2 { position: a + (b - a) * t, heading });
+                    prop_assert!(least >= margin - 1e-9, "{footprint:?}: {least}");
+                }
+            }
+        }
+
+        /// Pessimism is bounded: what is clear by more than half the resolution is accepted.
+        #[test]
+        fn a_motion_with_room_to_spare_is_accepted(curve in curves()) {
+            prop_assume!(curve.is_within_curvature(5.0));
+            let world = yard();
+            for footprint in &ALL {
+                let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
+                let least = checker.least_clearance(&[Curved::new(&curve)], 1e-4);
+                if least > 0.01 + 1e-6 {
+                    prop_assert!(checker.is_curve_free(&curve), "{footprint:?}: {least}");
+                }
+            }
+        }
+
+        #[test]
+        fn the_least_clearance_is_a_lower_bound_within_its_tolerance(curve in curves()) {
+            prop_assume!(curve.is_within_curvature(5.0));
+            let world = yard();
+            for footprint in &ALL {
+                let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
+                let bound = checker.least_clearance(&[Curved::new(&curve)], 1e-3);
+                let sampled = least_sampled(&checker, |t| Pose2 {
+                    position: curve.point(t),
+                    heading: curve.heading(t),
+                });
+                prop_assert!(bound <= sampled + 1e-9, "{footprint:?}: {bound} {sampled}");
+                // 2000 samples lie within a step of 6 mm, times the swing of the front, of the least.
+                prop_assert!(bound >= sampled - 1e-3 - 0.05, "{footprint:?}: {bound} {sampled}");
+            }
+        }
+    }
+
+    #[test]
+    fn sees_a_wall_of_a_tenth_of_a_millimetre() {
+        let world = room(10.0, vec![block(5.0, 0.0, 5.0001, 9.0)]);
+        let checker = MotionChecker::new(&world, &Footprint::Point, 0.0, 0.02);
+        let (a, b) = (Point2::new(1.0, 4.321), Point2::new(9.0, 4.4));
+        assert!(!checker.is_segment_free(a, b));
+        assert!(!checker.is_curve_free(&FergusonCurve::straight(a, b)));
+    }
+
+    #[test]
+    fn passes_a_gap_wider_by_the_resolution_and_not_a_narrower_one() {
+        for footprint in &[DISC, BIKE, BOX] {
+            let half = if *footprint == DISC { 0.4 } else { 0.3 };
+            for (gap, fits) in [(2.0 * half + 0.021, true), (2.0 * half - 0.001, false)] {
+                let world = room(
+                    10.0,
+                    vec![
+                        block(4.0, 0.0, 6.0, 5.0 - gap / 2.0),
+                        block(4.0, 5.0 + gap / 2.0, 6.0, 10.0),
+                    ],
+                );
+                let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
+                let (a, b) = (Point2::new(1.5, 5.0), Point2::new(8.0, 5.0));
+                assert_eq!(
+                    checker.is_segment_free(a, b),
+                    fits,
+                    "{footprint:?} in {gap} m"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_front_of_a_long_outline_swings_out_where_a_disc_passes() {
+        // A left turn of radius 2 m; the front of the bike, 1.46 m ahead, sweeps outside the circle of the rear contact.
+        let turn = FergusonCurve::between(
+            Pose2::new(5.0, 3.0, 0.0),
+            Pose2::new(7.0, 5.0, std::f64::consts::FRAC_PI_2),
+            2.0 * std::f64::consts::SQRT_2 / (std::f64::consts::PI / 8.0).cos().powi(2),
+        );
+        let outside = vec![block(6.9, 2.2, 8.0, 3.2)];
+        let world = room(10.0, outside);
+        let fits =
+            |footprint| MotionChecker::new(&world, &footprint, 0.0, 0.02).is_curve_free(&turn);
+        assert!(fits(Footprint::Disc { radius: 0.3 }));
+        assert!(!fits(BIKE));
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_not_free_and_ends() {
+        let world = yard();
+        let bad = [f64::NAN, f64::INFINITY, 1e308];
+        for footprint in &ALL {
+            let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
+            for x in bad {
+                let (a, b) = (Point2::new(1.0, 1.0), Point2::new(x, 2.0));
+                assert!(!checker.is_segment_free(a, b));
+                assert!(!checker.is_curve_free(&FergusonCurve::from_ends(
+                    a,
+                    Vector2::new(1.0, 0.0),
+                    b,
+                    Vector2::new(x, 0.0)
+                )));
+            }
+            let checker = MotionChecker::new(&world, footprint, f64::NAN, f64::NAN);
+            assert!(!checker.is_segment_free(Point2::new(1.0, 1.0), Point2::new(2.0, 1.0)));
+        }
+    }
+
+    #[test]
+    fn a_cusp_is_refused_for_an_outline_that_must_turn() {
+        let world = room(10.0, vec![]);
+        // Out and back along the same line: the direction flips where the speed is zero.
+        let cusp = FergusonCurve::from_ends(
+            Point2::new(4.0, 5.0),
+            Vector2::new(6.0, 0.0),
+            Point2::new(4.0, 5.0),
+            Vector2::new(-6.0, 0.0),
+        );
+        assert!(MotionChecker::new(&world, &Footprint::Point, 0.0, 0.02).is_curve_free(&cusp));
+        assert!(!MotionChecker::new(&world, &BIKE, 0.0, 0.02).is_curve_free(&cusp));
+    }
+
+    #[test]
+    fn a_motion_of_no_length_is_judged_by_its_pose() {
+        let world = yard();
+        let checker = MotionChecker::new(&world, &DISC, 0.0, 0.02);
+        let (free, blocked) = (Point2::new(2.0, 2.0), Point2::new(5.0, 5.0));
+        assert!(checker.is_segment_free(free, free));
+        assert!(!checker.is_segment_free(blocked, blocked));
+    }
+
+    #[test]
+    fn the_inscribed_disc_is_the_largest_about_the_reference_point() {
+        let radius = |f: Footprint| inscribed_radius(&f);
+        assert_eq!(ALL.map(radius), [0.0, 0.4, 0.3, 0.3]);
+        let ahead = Footprint::Capsule {
+            rear: 0.1,
+            front: 1.0,
+            radius: 0.3,
+        };
+        assert!((radius(ahead) - 0.2).abs() < 1e-15);
+        let aside = Footprint::Rectangle {
+            rear: 0.1,
+            front: 1.0,
+            half_width: 0.3,
+        };
+        assert_eq!(radius(aside), 0.0);
+    }
+}

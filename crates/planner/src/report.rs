@@ -1,0 +1,206 @@
+//! What planning came to: the path, its figures, every stage's product, and how it ended.
+
+use crate::budget::CutShort;
+use crate::metrics::PathMetrics;
+use crate::params::Method;
+use crate::problem::PlanningProblem;
+use bikebot_geometry::{CurvePath, FergusonCurve, PathPoint, Point2, Polyline};
+use serde::{Deserialize, Serialize};
+
+/// How a plan ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// There is a path, and it is certified.
+    Found,
+    /// It is proven that there is none.
+    NoPath,
+    /// The iterations are used up; there may be a path.
+    Exhausted,
+    /// The caller's stop condition ended the search before anything was found.
+    TimedOut,
+}
+
+/// Why it ended so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// A path was found.
+    Found,
+    /// Start and goal lie in different rooms for this footprint.
+    Disconnected,
+    /// A way through was found, but no path along it within the curvature limit and the prescribed headings.
+    CurvatureInfeasible,
+    /// The iterations ran out.
+    Iterations,
+    /// The deadline passed.
+    Deadline,
+    /// The search was cancelled.
+    Cancelled,
+}
+
+/// A stage of planning.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Plain RRT.
+    Rrt,
+    /// Plain RRT*.
+    RrtStar,
+    /// Bidirectional RRT.
+    Birrt,
+    /// Shortcut.
+    Shortcut,
+    /// RRT* in the corridor.
+    Corridor,
+}
+
+/// One step forward of the search: a stage's product, or a better path within a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TraceEntry {
+    /// Iterations of all stages until then.
+    pub iteration: u64,
+    /// The stage at work.
+    pub stage: Stage,
+    /// Length of what it then had, m.
+    #[serde(rename = "length_m")]
+    pub length: f64,
+    /// Its cost.
+    pub cost: f64,
+}
+
+/// What each stage made, for pictures and for study.
+#[derive(Debug, Clone, Default)]
+pub struct Stages {
+    /// Edges of the trees over positions, parent first.
+    pub tree: Vec<[Point2; 2]>,
+    /// Edges of the tree in the corridor.
+    pub corridor_tree: Vec<FergusonCurve>,
+    /// P_BiRRT: what the first search found.
+    pub coarse: Option<Polyline>,
+    /// P_smooth: what the corridor runs along.
+    pub guide: Option<Polyline>,
+    /// w, m.
+    pub corridor_half_width: Option<f64>,
+}
+
+/// A planned path.
+#[derive(Debug, Clone)]
+pub enum PlannedPath {
+    /// Straight legs, from a method that ignores headings and curvature.
+    Polyline(Polyline),
+    /// Ferguson curves joined end to end with continuous heading.
+    Curves(CurvePath),
+}
+
+impl PlannedPath {
+    /// Arc length, m.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        match self {
+            Self::Polyline(line) => line.length(),
+            Self::Curves(curves) => curves.length(),
+        }
+    }
+
+    /// The position at arc length `s` (m), clamped to the path.
+    #[must_use]
+    pub fn position_at(&self, s: f64) -> Point2 {
+        match self {
+            Self::Polyline(line) => line.point_at(s),
+            Self::Curves(curves) => curves.at(s).position,
+        }
+    }
+
+    /// Where it ends.
+    #[must_use]
+    pub fn end(&self) -> Point2 {
+        match self {
+            Self::Polyline(line) => line.vertices()[line.vertices().len() - 1],
+            Self::Curves(curves) => curves.end_pose().position,
+        }
+    }
+
+    /// The curves, if it has any.
+    #[must_use]
+    pub fn curves(&self) -> Option<&CurvePath> {
+        match self {
+            Self::Polyline(_) => None,
+            Self::Curves(curves) => Some(curves),
+        }
+    }
+
+    /// The path as Ferguson curves: its own, or each leg as a straight one.
+    #[must_use]
+    pub fn segments(&self) -> Vec<FergusonCurve> {
+        match self {
+            Self::Polyline(line) => line
+                .vertices()
+                .windows(2)
+                .map(|leg| FergusonCurve::straight(leg[0], leg[1]))
+                .collect(),
+            Self::Curves(curves) => curves.segments().to_vec(),
+        }
+    }
+
+    /// Points along the path: at most `max_step` (m) apart on curves, the vertices of a polyline.
+    ///
+    /// At a vertex the heading is that of the leg that begins there, and the curvature is 0, as everywhere between vertices.
+    #[must_use]
+    pub fn sample(&self, max_step: f64) -> Vec<PathPoint> {
+        match self {
+            Self::Curves(curves) => curves.sample(max_step),
+            Self::Polyline(line) => {
+                let last_leg = line.vertices().len().saturating_sub(2);
+                line.vertices()
+                    .iter()
+                    .enumerate()
+                    .map(|(i, &position)| PathPoint {
+                        position,
+                        heading: line.segment_heading(i.min(last_leg)),
+                        curvature: 0.0,
+                        s: line.cumulative(i),
+                    })
+                    .collect()
+            }
+        }
+    }
+}
+
+/// Spacing at which a path of this problem shows its curvature, m: 5 % of the smallest turning radius, and of the cell
+/// where there is a grid.
+#[must_use]
+pub fn sampling_step(problem: &PlanningProblem<'_>) -> f64 {
+    let radius = 1.0 / problem.max_curvature;
+    let cell = problem
+        .world
+        .grid()
+        .map_or(f64::INFINITY, |grid| grid.resolution);
+    0.05 * radius.min(cell)
+}
+
+/// The answer to one [`plan`](crate::plan).
+#[derive(Debug, Clone)]
+pub struct PlanReport {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Why.
+    pub reason: Reason,
+    /// Which method planned.
+    pub method: Method,
+    /// The seed it was given.
+    pub seed: u64,
+    /// Iterations of all stages together. The same problem, parameters and seed with this as the
+    /// [budget](crate::Budget::iterations) give the same path bit for bit, also if a clock ended this run.
+    pub iterations: u64,
+    /// What ended the search before it was done, if anything. With [`Outcome::Found`], a longer budget might find better.
+    pub cut_short: Option<CutShort>,
+    /// The path, if there is one.
+    pub path: Option<PlannedPath>,
+    /// Its figures.
+    pub metrics: Option<PathMetrics>,
+    /// Every stage's product.
+    pub stages: Stages,
+    /// How it went.
+    pub trace: Vec<TraceEntry>,
+}
