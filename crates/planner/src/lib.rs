@@ -8,8 +8,12 @@
 pub mod birrt;
 pub mod budget;
 pub mod chance;
+pub mod connection;
 pub mod connectivity;
+pub mod corridor;
+mod corridor_ends;
 pub mod cost;
+pub mod end_arcs;
 pub mod error;
 pub mod kd_tree;
 pub mod metrics;
@@ -22,6 +26,7 @@ pub mod rrt;
 pub mod rrt_star;
 pub mod sampler;
 pub mod search;
+pub mod seeds;
 pub mod shortcut;
 pub mod steer;
 #[cfg(test)]

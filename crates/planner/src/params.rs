@@ -201,6 +201,9 @@ pub struct PlannerParams {
     #[serde(rename = "rrt_star_radius_scales")]
     #[schemars(range(min = 0.0, max = 1e4))]
     pub rrt_star_radius_scales: f64,
+    /// Whether that radius shrinks as the tree grows, as RRT* needs it for asymptotic optimality. Off: many short edges are
+    /// rougher than a few long ones, and the path is no shorter.
+    pub rewire_radius_shrinks: bool,
     /// Most neighbours examined per sample of the corridor RRT*, cheapest bound first; bounds the cost of an iteration in a
     /// crowded tree.
     #[schemars(range(min = 1, max = 1_000_000))]
@@ -212,6 +215,10 @@ pub struct PlannerParams {
     /// Pairs of points the shortcut tries (the paper's i_smooth; Table 1: 200). Attempts, successful or not.
     #[schemars(range(min = 0, max = 100_000_000))]
     pub shortcut_attempts: u64,
+    /// How many guides "paper" may try: where the corridor about one comes to nothing, BiRRT starts again. A guide is planned
+    /// without headings, and sometimes leads where the whole outline cannot turn. The paper has one.
+    #[schemars(range(min = 1, max = 10_000))]
+    pub guides: u32,
     /// How BiRRT grows its second tree towards a new node of the first: `false` by one step, as the paper's row does; `true`
     /// until blocked, as in RRT-Connect.
     pub birrt_connect: bool,
@@ -233,6 +240,9 @@ pub struct PlannerParams {
     /// Whether the corridor RRT* first tries poses laid out along the guide and around the outside of its corners. Finds a path
     /// many times sooner; not in the paper.
     pub structured_seeds: bool,
+    /// Whether prescribed headings at the ends are first joined to the guide by a turn, a straight and a turn. Without it a
+    /// guide that leaves in another direction than the bike stands leaves no room to turn; not in the paper.
+    pub end_arcs: bool,
     /// Distance kept to every obstacle beyond the outline, m.
     #[serde(rename = "margin_m")]
     #[schemars(range(min = 0.0, max = 1e4))]
@@ -261,9 +271,11 @@ impl Default for PlannerParams {
             corridor_half_width_scales: 2.0,
             rewire_radius_scales: 5.0,
             rrt_star_radius_scales: 2.0,
-            near_limit: 40,
+            rewire_radius_shrinks: false,
+            near_limit: 200,
             heading_spread_deg: 30.0,
             shortcut_attempts: 200,
+            guides: 5,
             birrt_connect: false,
             tangent: TangentRule::Chord,
             tangent_speed: 1.0,
@@ -271,6 +283,7 @@ impl Default for PlannerParams {
             length_weight: 1.0,
             curvature_weight: 1.0,
             structured_seeds: true,
+            end_arcs: true,
             margin: 0.0,
             clearance_resolution_scales: 0.02,
             errata: Errata::corrected(),
@@ -286,7 +299,9 @@ impl PlannerParams {
             max_curvature: 1.0,
             footprint: "point".to_owned(),
             goal: GoalMode::Ball,
+            guides: 1,
             structured_seeds: false,
+            end_arcs: false,
             ..Self::default()
         }
     }

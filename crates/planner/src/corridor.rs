@@ -1,0 +1,837 @@
+//! Lines 6–38 of Algorithm 1: RRT* over poses, in a corridor about the guide, through curves the bike can ride.
+//!
+//! What the listing prints and what we do (D1–D5, each a switch of [`PlannerParams`]):
+//!
+//! * Edges run from parent to child (D4); lines 11 and 19 print the arguments the other way round.
+//! * The heading drawn for a sample belongs to the sample's place. Where Steer (line 10) has moved it, it is drawn again.
+//! * Line 34 returns at the first arrival; we run all iterations and return the cheapest path (D5).
+//! * 𝒳_goal is a ball of radius l; with [`GoalMode::Pose`] the path ends at the goal itself, by one more curve.
+//!
+//! What the listing leaves open: parents are examined in the order of a lower bound of the cost through them, so that the
+//! first to pass the tests is usually the last to be tested; a node that cannot lie on a cheaper path than the one known is
+//! not added (branch and bound); ends with a heading are first joined to the guide by arcs ([`crate::end_arcs`], D11);
+//! and the first samples may be poses laid out along the guide (structured seeds, D12).
+
+use crate::budget::Meter;
+use crate::chance::Chance;
+use crate::connection::{Connection, Connector, DirectedPose};
+use crate::corridor_ends::Ends;
+use crate::kd_tree::{KdTree, Neighbor};
+use crate::motion::MotionChecker;
+use crate::params::{GoalMode, PlannerParams};
+use crate::problem::PlanningProblem;
+use crate::sampler::{HeadingPrior, PathWidthSampler};
+use crate::seeds;
+use crate::steer::steer;
+use crate::tree::{NodeId, Tree};
+use bikebot_geometry::{FergusonCurve, Point2, Polyline, Pose2, angle};
+
+/// Distance to the goal, in steps ε, within which a new node is joined to it.
+const GOAL_REACH: f64 = 1.2;
+
+/// A better path found on the way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Improvement {
+    /// Iterations of the whole plan so far.
+    pub iteration: u64,
+    /// Cost of the path, Eq. (5) summed over its edges.
+    pub cost: f64,
+    /// Its length, m.
+    pub length: f64,
+}
+
+/// What the search in one corridor came to.
+#[derive(Debug, Clone)]
+pub struct CorridorSearch {
+    /// The cheapest path's curves from start to arrival; `None` if there was no arrival.
+    pub path: Option<Vec<FergusonCurve>>,
+    /// Cost of that path; infinite without one.
+    pub cost: f64,
+    /// Middle of the corridor that was searched: the guide given, its ends bent onto the prescribed headings.
+    pub guide: Polyline,
+    /// All edges of the tree, each from parent to child.
+    pub edges: Vec<FergusonCurve>,
+    /// Each time a cheaper path was known than before.
+    pub improvements: Vec<Improvement>,
+    /// Iterations made.
+    pub iterations: u64,
+}
+
+/// Searches the corridor of half width w about `guide`; `motion` decides what is free.
+///
+/// Draws everything from `chance` and counts every iteration on `meter`; stops after n iterations, when the meter runs
+/// out, or at the first arrival if the parameters say so. `observe` is told of every improvement as it is made.
+pub fn search(
+    problem: &PlanningProblem<'_>,
+    params: &PlannerParams,
+    motion: &MotionChecker<'_>,
+    guide: &Polyline,
+    chance: &mut Chance,
+    meter: &mut Meter<'_>,
+    observe: &mut dyn FnMut(&Improvement),
+) -> CorridorSearch {
+    let connector = Connector::new(params, problem.max_curvature, motion);
+    let ends = Ends::new(problem, params, guide, &connector);
+    let guide = &ends.guide;
+    let half_width = params.corridor_half_width();
+    let prior = HeadingPrior::new(guide, half_width, params.errata.continuous_heading_prior);
+    let sampler = PathWidthSampler::new(guide, half_width, params.heading_spread(), prior);
+    let mut seeds = if params.structured_seeds {
+        seeds::along(guide, half_width, params.max_step(), problem.max_curvature)
+    } else {
+        Vec::new()
+    }
+    .into_iter();
+
+    let mut search = Search::new(problem, params, &connector, &ends);
+    search.report_improvement(meter, observe);
+    let mut iterations = 0;
+    while iterations < params.iterations && meter.step() {
+        iterations += 1;
+        let seed = seeds.next();
+        let sample = seed.unwrap_or_else(|| sampler.draw(chance));
+        let Some(nearest) = search.index.nearest(sample.position) else {
+            break;
+        };
+        let new = if seed.is_some() {
+            sample
+        } else {
+            let from = search.position(NodeId(nearest.id));
+            let position = steer(from, sample.position, params.max_step());
+            let has_moved = position != sample.position;
+            let heading = if has_moved && params.errata.heading_drawn_after_steer {
+                sampler.draw_heading(position, chance)
+            } else {
+                sample.heading
+            };
+            Pose2 { position, heading }
+        };
+        search.extend(&DirectedPose::from(new), nearest);
+        search.report_improvement(meter, observe);
+        if search.has_arrived() && !params.errata.run_all_iterations {
+            break;
+        }
+    }
+    search.finish(iterations)
+}
+
+/// A vertex of the tree: a pose, and the curve that leads there from its parent.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    at: DirectedPose,
+    curve: Option<FergusonCurve>,
+}
+
+/// A way into one entry.
+#[derive(Debug, Clone, Copy)]
+struct Arrival {
+    node: NodeId,
+    /// The last curve of the search, unless the node itself is the arrival.
+    connection: Option<Connection>,
+    entry: usize,
+}
+
+/// The state of lines 6–38.
+struct Search<'a> {
+    problem: &'a PlanningProblem<'a>,
+    params: &'a PlannerParams,
+    connector: &'a Connector<'a>,
+    ends: &'a Ends,
+    tree: Tree<Node>,
+    index: KdTree,
+    arrivals: Vec<Arrival>,
+    /// Volume of the corridor, m³: length, width and range of headings times ε.
+    measure: f64,
+    /// Cheapest path known.
+    best: f64,
+    /// Cost that was last reported.
+    reported: f64,
+    improvements: Vec<Improvement>,
+    near: Vec<Neighbor>,
+    /// Neighbours by the lower bound of the cost through them.
+    candidates: Vec<(f64, NodeId)>,
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        problem: &'a PlanningProblem<'a>,
+        params: &'a PlannerParams,
+        connector: &'a Connector<'a>,
+        ends: &'a Ends,
+    ) -> Self {
+        let width = 2.0 * params.corridor_half_width();
+        let headings = 2.0 * params.heading_spread() * params.max_step();
+        let mut search = Self {
+            problem,
+            params,
+            connector,
+            ends,
+            tree: Tree::new(Node {
+                at: ends.root,
+                curve: None,
+            }),
+            index: KdTree::new(),
+            arrivals: Vec::new(),
+            measure: ends.guide.length() * width * headings,
+            best: f64::INFINITY,
+            reported: f64::INFINITY,
+            improvements: Vec::new(),
+            near: Vec::new(),
+            candidates: Vec::new(),
+        };
+        search.index.insert(ends.root.pose.position, NodeId::ROOT.0);
+        search.arrive(NodeId::ROOT);
+        let mut parent = NodeId::ROOT;
+        for connection in &ends.trunk {
+            let pose = connection.curve.end_pose();
+            parent = search.add(parent, &pose.into(), connection);
+        }
+        search
+    }
+
+    fn position(&self, node: NodeId) -> Point2 {
+        self.tree.value(node).at.pose.position
+    }
+
+    fn has_arrived(&self) -> bool {
+        self.best < f64::INFINITY
+    }
+
+    /// Lines 9–32 for one new pose.
+    fn extend(&mut self, new: &DirectedPose, nearest: Neighbor) {
+        let motion = self.connector.motion();
+        if !motion.is_pose_free(&new.pose) {
+            return;
+        }
+        self.collect_near(new.pose.position, nearest);
+        let Some((parent, connection)) = self.cheapest_parent(new) else {
+            return;
+        };
+        let cost = self.tree.cost_to_come(parent) + connection.cost;
+        let to_goal = self.least_cost_to_go(new.pose.position);
+        if cost + to_goal >= self.best {
+            return;
+        }
+        let node = self.add(parent, new, &connection);
+        self.rewire(node);
+    }
+
+    /// Neighbours within r, and the nearest, sorted by the least cost a path through them to `new` may have.
+    fn collect_near(&mut self, new: Point2, nearest: Neighbor) {
+        let radius = self.rewire_radius();
+        self.index.within(new, radius, &mut self.near);
+        self.candidates.clear();
+        let nearest_id = nearest.id;
+        if !self.near.iter().any(|n| n.id == nearest_id) {
+            self.near.push(nearest);
+        }
+        for neighbor in &self.near {
+            let node = NodeId(neighbor.id);
+            let distance = (self.tree.value(node).at.pose.position - new).norm();
+            let bound = self.tree.cost_to_come(node) + self.connector.cost().lower_bound(distance);
+            self.candidates.push((bound, node));
+        }
+        self.candidates
+            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        self.candidates.truncate(self.params.near_limit);
+    }
+
+    /// r, or what is left of it at the present size of the tree: γ (ln m / m)^(1/3) in the three dimensions of a pose, with
+    /// Karaman and Frazzoli's γ for the measure of the corridor, headings counted as ε per rad.
+    fn rewire_radius(&self) -> f64 {
+        let radius = self.params.rewire_radius();
+        if !self.params.rewire_radius_shrinks {
+            return radius;
+        }
+        let nodes = self.tree.len().max(2) as f64;
+        let unit_ball = 4.0 / 3.0 * std::f64::consts::PI;
+        let gamma = 2.0 * (4.0 / 3.0 * self.measure / unit_ball).cbrt();
+        radius.min(gamma * (nodes.ln() / nodes).cbrt())
+    }
+
+    /// Lines 11–21: the parent through which `new` is reached at least cost.
+    fn cheapest_parent(&self, new: &DirectedPose) -> Option<(NodeId, Connection)> {
+        let mut best = f64::INFINITY;
+        let mut found = None;
+        for &(bound, node) in &self.candidates {
+            if bound >= best {
+                break;
+            }
+            let from = &self.tree.value(node).at;
+            let cost = self.tree.cost_to_come(node);
+            let connection = if self.params.errata.curves_run_from_parent_to_child {
+                self.connect_ahead(from, new, best - cost)
+            } else {
+                self.connector.connect_as_printed(from, new, best - cost)
+            };
+            if let Some(connection) = connection {
+                best = cost + connection.cost;
+                found = Some((node, connection));
+            }
+        }
+        found
+    }
+
+    /// A connection to a pose that lies ahead; behind, every curve would have to turn back.
+    fn connect_ahead(
+        &self,
+        from: &DirectedPose,
+        to: &DirectedPose,
+        cheaper_than: f64,
+    ) -> Option<Connection> {
+        let way = to.pose.position - from.pose.position;
+        if way.dot(&from.direction) <= 0.0 {
+            return None;
+        }
+        self.connector.connect(from, to, cheaper_than)
+    }
+
+    /// Lines 22–23, and the arrival if there is one.
+    fn add(&mut self, parent: NodeId, at: &DirectedPose, connection: &Connection) -> NodeId {
+        let node = self.tree.add(
+            parent,
+            connection.cost,
+            Node {
+                at: *at,
+                curve: Some(connection.curve),
+            },
+        );
+        self.index.insert(at.pose.position, node.0);
+        self.arrive(node);
+        node
+    }
+
+    /// Lines 25–32: neighbours that are reached at less cost through `new`. All their descendants gain.
+    fn rewire(&mut self, new: NodeId) {
+        let from = self.tree.value(new).at;
+        let cost = self.tree.cost_to_come(new);
+        let mut has_changed = false;
+        for i in 0..self.candidates.len() {
+            let node = self.candidates[i].1;
+            let to = self.tree.value(node).at;
+            let gain = self.tree.cost_to_come(node) - cost;
+            if gain <= 0.0 || node == NodeId::ROOT {
+                continue;
+            }
+            if let Some(connection) = self.connect_ahead(&from, &to, gain)
+                && self.tree.rewire(node, new, connection.cost)
+            {
+                self.tree.value_mut(node).curve = Some(connection.curve);
+                has_changed = true;
+            }
+        }
+        if has_changed {
+            self.refresh();
+        }
+    }
+
+    /// Line 33: whether the goal is reached from `node`, and at what cost.
+    fn arrive(&mut self, node: NodeId) {
+        let at = self.tree.value(node).at;
+        let cost = self.tree.cost_to_come(node);
+        if self.params.goal == GoalMode::Ball {
+            // The root has no path to it that could be returned.
+            if node != NodeId::ROOT && self.problem.goal.contains(at.pose.position) {
+                self.arrivals.push(Arrival {
+                    node,
+                    connection: None,
+                    entry: 0,
+                });
+                self.refresh();
+            }
+            return;
+        }
+        let reach = GOAL_REACH * self.params.max_step();
+        for (i, entry) in self.ends.entries.iter().enumerate() {
+            if (entry.position - at.pose.position).norm() > reach {
+                continue;
+            }
+            let cheaper_than = self.best - cost - entry.cost_to_go;
+            let connection = match &entry.pose {
+                Some(pose) => self.connect_ahead(&at, pose, cheaper_than),
+                None => self.connect_to_point(&at, entry.position, cheaper_than),
+            };
+            if connection.is_some() {
+                self.arrivals.push(Arrival {
+                    node,
+                    connection,
+                    entry: i,
+                });
+                self.refresh();
+            }
+        }
+    }
+
+    /// The cheaper of two ways to a goal of any heading: along an arc, or turning half as far.
+    fn connect_to_point(
+        &self,
+        from: &DirectedPose,
+        goal: Point2,
+        cheaper_than: f64,
+    ) -> Option<Connection> {
+        let way = goal - from.pose.position;
+        let chord = way.y.atan2(way.x);
+        let lean = angle::difference(chord, from.pose.heading);
+        let mut best = cheaper_than;
+        let mut found = None;
+        for turn in [lean, 0.5 * lean, 0.0] {
+            let to = Pose2 {
+                position: goal,
+                heading: angle::wrap(chord + turn),
+            };
+            if let Some(connection) = self.connect_ahead(from, &to.into(), best) {
+                best = connection.cost;
+                found = Some(connection);
+            }
+        }
+        found
+    }
+
+    /// A lower bound of the cost from `position` to the nearest admissible end.
+    fn least_cost_to_go(&self, position: Point2) -> f64 {
+        let distance = (self.problem.goal.position - position).norm();
+        let radius = match self.params.goal {
+            GoalMode::Pose => 0.0,
+            GoalMode::Ball => self.problem.goal.tolerance,
+        };
+        self.connector
+            .cost()
+            .lower_bound((distance - radius).max(0.0))
+    }
+
+    /// The cost of the cheapest path, after arrivals or the costs of their ancestors have changed.
+    fn refresh(&mut self) {
+        if let Some(arrival) = self.best_arrival() {
+            self.best = self.cost_of(&arrival);
+        }
+    }
+
+    /// Notes a cheaper path than the last one reported, and tells the observer.
+    fn report_improvement(&mut self, meter: &Meter<'_>, observe: &mut dyn FnMut(&Improvement)) {
+        if self.best >= self.reported {
+            return;
+        }
+        self.reported = self.best;
+        let length = self.best_arrival().map_or(f64::INFINITY, |arrival| {
+            self.curves_to(&arrival)
+                .iter()
+                .map(FergusonCurve::length)
+                .sum()
+        });
+        let improvement = Improvement {
+            iteration: meter.iterations(),
+            cost: self.best,
+            length,
+        };
+        observe(&improvement);
+        self.improvements.push(improvement);
+    }
+
+    fn best_arrival(&self) -> Option<Arrival> {
+        self.arrivals
+            .iter()
+            .copied()
+            .min_by(|a, b| self.cost_of(a).total_cmp(&self.cost_of(b)))
+    }
+
+    fn cost_of(&self, arrival: &Arrival) -> f64 {
+        self.tree.cost_to_come(arrival.node)
+            + arrival.connection.map_or(0.0, |c| c.cost)
+            + self.ends.entries[arrival.entry].cost_to_go
+    }
+
+    fn curves_to(&self, arrival: &Arrival) -> Vec<FergusonCurve> {
+        let nodes = self.tree.path_to(arrival.node);
+        let mut curves: Vec<_> = nodes
+            .iter()
+            .filter_map(|&node| self.tree.value(node).curve)
+            .collect();
+        if let Some(connection) = arrival.connection {
+            curves.push(connection.curve);
+            curves.extend(&self.ends.entries[arrival.entry].rest);
+        }
+        curves
+    }
+
+    fn finish(self, iterations: u64) -> CorridorSearch {
+        let best = self.best_arrival();
+        CorridorSearch {
+            path: best.as_ref().map(|arrival| self.curves_to(arrival)),
+            cost: best.as_ref().map_or(f64::INFINITY, |b| self.cost_of(b)),
+            guide: self.ends.guide.clone(),
+            edges: self
+                .tree
+                .ids()
+                .filter_map(|node| self.tree.value(node).curve)
+                .collect(),
+            improvements: self.improvements,
+            iterations,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::birrt;
+    use crate::budget::Budget;
+    use crate::chance::Purpose;
+    use crate::params::{Errata, TangentRule};
+    use crate::problem::{EndPose, GoalRegion};
+    use crate::search::PointQuery;
+    use crate::shortcut;
+    use crate::test_scenes::{Scene, block, load, room};
+    use bikebot_geometry::{CurvePath, ParametricCurve};
+    use bikebot_world::Footprint;
+
+    fn problem<'w>(
+        scene: &'w Scene,
+        footprint: Footprint,
+        params: &PlannerParams,
+    ) -> PlanningProblem<'w> {
+        let Pose2 { position, heading } = scene.goal;
+        PlanningProblem {
+            world: &scene.world,
+            footprint,
+            start: EndPose {
+                position: scene.start.position,
+                heading: Some(scene.start.heading),
+            },
+            goal: GoalRegion {
+                position,
+                heading: Some(heading),
+                tolerance: params.table_goal_tolerance(),
+            },
+            max_curvature: params.max_curvature,
+        }
+    }
+
+    /// Lines 1–38 with one guide, or as many as the parameters allow.
+    fn plan(problem: &PlanningProblem<'_>, params: &PlannerParams, seed: u64) -> CorridorSearch {
+        let budget = Budget::unlimited();
+        let mut meter = Meter::new(&budget);
+        let delta = params.clearance_resolution();
+        let motion = MotionChecker::new(problem.world, &problem.footprint, params.margin, delta);
+        let discs = motion.inscribed();
+        let query = PointQuery {
+            checker: &discs,
+            start: problem.start.position,
+            goal: problem.goal.position,
+            goal_mode: GoalMode::Pose,
+            tolerance: 0.0,
+            max_step: params.max_step(),
+            max_samples: params.search_iterations,
+        };
+        let mut start = 0;
+        loop {
+            let mut chance = |purpose| Chance::new(seed, purpose, start);
+            let coarse = birrt::search(
+                &query,
+                params.birrt_connect,
+                &mut chance(Purpose::Birrt),
+                &mut meter,
+            );
+            let mut guide = coarse.path.unwrap();
+            shortcut::apply(
+                &mut guide,
+                params.shortcut_attempts,
+                &discs,
+                &mut chance(Purpose::Shortcut),
+                &mut meter,
+            );
+            let found = search(
+                problem,
+                params,
+                &motion,
+                &Polyline::new(guide).unwrap(),
+                &mut chance(Purpose::Corridor),
+                &mut meter,
+                &mut |_| {},
+            );
+            start += 1;
+            if found.path.is_some() || start == params.guides {
+                return found;
+            }
+        }
+    }
+
+    /// Looks at the path every 2 mm: no contact, no curvature above the limit, no gap, no kink; returns it.
+    fn examined(problem: &PlanningProblem<'_>, found: &CorridorSearch) -> CurvePath {
+        let path = CurvePath::new(found.path.clone().unwrap()).unwrap();
+        assert_eq!(path.start_pose().position, problem.start.position);
+        assert!(path.max_heading_jump() < 1e-9);
+        for curve in path.segments() {
+            let steps = (curve.length() / 0.002).ceil();
+            for i in 0..=steps as usize {
+                let t = i as f64 / steps;
+                // Rounding of two formulas for one number.
+                assert!(curve.curvature(t).abs() <= problem.max_curvature * (1.0 + 1e-9));
+                let position = curve.point(t);
+                let pose = Pose2 {
+                    position,
+                    heading: curve.heading(t),
+                };
+                assert!(problem.world.footprint_clearance(&problem.footprint, &pose) > 0.0);
+            }
+        }
+        path
+    }
+
+    /// Mean length over twenty seeds, every path found and examined.
+    fn mean_length(problem: &PlanningProblem<'_>, params: &PlannerParams) -> f64 {
+        let total: f64 = (0..20)
+            .map(|seed| {
+                let found = plan(problem, params, seed);
+                assert!(found.path.is_some(), "seed {seed} found nothing");
+                let path = examined(problem, &found);
+                if params.goal == GoalMode::Pose {
+                    let end = path.end_pose();
+                    assert_eq!(end.position, problem.goal.position);
+                    let heading = problem.goal.heading.unwrap();
+                    assert!(angle::difference(end.heading, heading).abs() < 1e-9);
+                } else {
+                    assert!(problem.goal.contains(path.end_pose().position));
+                }
+                path.length()
+            })
+            .sum();
+        total / 20.0
+    }
+
+    #[test]
+    fn the_yard_is_crossed_into_the_ball_as_in_table_2() {
+        let (scene, params) = (load("fig6"), PlannerParams::table_1());
+        let mean = mean_length(&problem(&scene, Footprint::Point, &params), &params);
+        assert!(mean < 181.5, "{mean}");
+    }
+
+    #[test]
+    fn the_yard_is_crossed_to_the_goal_pose() {
+        let params = PlannerParams {
+            goal: GoalMode::Pose,
+            ..PlannerParams::table_1()
+        };
+        let scene = load("fig6");
+        let mean = mean_length(&problem(&scene, Footprint::Point, &params), &params);
+        assert!(mean < 184.5, "{mean}");
+    }
+
+    #[test]
+    fn to_the_letter_nothing_is_found() {
+        let scene = load("fig6");
+        let row_1 = Errata {
+            curves_run_from_parent_to_child: true,
+            ..Errata::as_printed()
+        };
+        let rows_1_and_2 = Errata {
+            continuous_heading_prior: true,
+            ..row_1.clone()
+        };
+        for errata in [Errata::as_printed(), row_1, rows_1_and_2] {
+            let params = PlannerParams {
+                errata,
+                ..PlannerParams::literal()
+            };
+            let problem = problem(&scene, Footprint::Point, &params);
+            for seed in 0..20 {
+                assert!(plan(&problem, &params, seed).path.is_none());
+            }
+        }
+    }
+
+    #[test]
+    fn tangents_as_long_as_the_chord_are_what_repairs_it() {
+        let scene = load("fig6");
+        let params = PlannerParams {
+            tangent: TangentRule::Chord,
+            errata: Errata {
+                curves_run_from_parent_to_child: true,
+                continuous_heading_prior: true,
+                ..Errata::as_printed()
+            },
+            ..PlannerParams::literal()
+        };
+        let problem = problem(&scene, Footprint::Point, &params);
+        for seed in 0..5 {
+            let found = plan(&problem, &params, seed);
+            examined(&problem, &found);
+            // The first arrival ends it.
+            assert_eq!(found.improvements.len(), 1);
+            assert!(found.iterations < params.iterations);
+        }
+    }
+
+    #[test]
+    fn the_bike_rides_through_the_arena_to_the_goal_pose() {
+        let params = PlannerParams {
+            scale: 0.4,
+            max_curvature: 0.8,
+            ..PlannerParams::default()
+        };
+        let scene = load("fig7-ride");
+        let bike = Footprint::bike().grown(0.12);
+        let mean = mean_length(&problem(&scene, bike, &params), &params);
+        // About 10.3 m is known to be possible; some guides take the longer way round.
+        assert!(mean < 11.5, "{mean}");
+    }
+
+    #[test]
+    fn the_bike_rides_across_the_yard() {
+        let params = PlannerParams {
+            max_curvature: 0.8,
+            ..PlannerParams::default()
+        };
+        let scene = load("fig6");
+        let bike = Footprint::bike().grown(0.12);
+        let mean = mean_length(&problem(&scene, bike, &params), &params);
+        assert!(mean < 190.0, "{mean}");
+    }
+
+    fn yard_run(params: &PlannerParams, seed: u64) -> CorridorSearch {
+        let scene = load("fig6");
+        plan(&problem(&scene, Footprint::Point, params), params, seed)
+    }
+
+    #[test]
+    fn equal_seeds_give_equal_paths_and_others_do_not() {
+        let params = PlannerParams::table_1();
+        let (a, b, c) = (
+            yard_run(&params, 3),
+            yard_run(&params, 3),
+            yard_run(&params, 4),
+        );
+        assert_eq!((a.path.clone(), a.cost, a.edges), (b.path, b.cost, b.edges));
+        assert_ne!(a.path, c.path);
+    }
+
+    #[test]
+    fn the_cost_of_the_path_is_that_of_its_edges_and_only_falls() {
+        let params = PlannerParams::table_1();
+        let found = yard_run(&params, 1);
+        let scene = load("fig6");
+        let problem = problem(&scene, Footprint::Point, &params);
+        let motion = MotionChecker::new(problem.world, &problem.footprint, 0.0, 0.02);
+        let connector = Connector::new(&params, 1.0, &motion);
+        let sum: f64 = found
+            .path
+            .unwrap()
+            .iter()
+            .map(|curve| connector.judge(*curve, f64::INFINITY).unwrap().cost)
+            .sum();
+        assert!((sum - found.cost).abs() < 1e-9);
+        assert!(found.improvements.len() > 10);
+        for pair in found.improvements.windows(2) {
+            assert!(pair[1].cost < pair[0].cost && pair[1].iteration >= pair[0].iteration);
+        }
+        assert_eq!(
+            found.improvements[found.improvements.len() - 1].cost,
+            found.cost
+        );
+    }
+
+    #[test]
+    fn every_edge_of_the_tree_keeps_the_limit() {
+        let found = yard_run(&PlannerParams::table_1(), 2);
+        assert!(found.edges.len() > 500);
+        assert!(
+            found
+                .edges
+                .iter()
+                .all(|edge| edge.max_curvature() <= 1.0 + 1e-12)
+        );
+    }
+
+    /// A room with one block in the middle, the guide round its left side.
+    fn small(
+        params: &PlannerParams,
+        start: EndPose,
+        goal: EndPose,
+        budget: &Budget<'_>,
+    ) -> CorridorSearch {
+        let world = room(20.0, vec![block(8.0, 0.0, 12.0, 10.0)]);
+        let problem = PlanningProblem {
+            world: &world,
+            footprint: Footprint::bike(),
+            start,
+            goal: GoalRegion {
+                position: goal.position,
+                heading: goal.heading,
+                tolerance: 1.0,
+            },
+            max_curvature: 0.8,
+        };
+        let motion = MotionChecker::new(&world, &problem.footprint, 0.0, 0.02);
+        let guide = Polyline::new(vec![
+            start.position,
+            Point2::new(7.4, 11.0),
+            Point2::new(12.6, 11.0),
+            goal.position,
+        ])
+        .unwrap();
+        let mut chance = Chance::new(1, Purpose::Corridor, 0);
+        let mut meter = Meter::new(budget);
+        let found = search(
+            &problem,
+            params,
+            &motion,
+            &guide,
+            &mut chance,
+            &mut meter,
+            &mut |_| {},
+        );
+        if found.path.is_some() {
+            examined(&problem, &found);
+        }
+        found
+    }
+
+    #[test]
+    fn ends_without_headings_are_reached_with_any() {
+        let (start, goal) = (EndPose::point(3.0, 3.0), EndPose::point(17.0, 3.0));
+        let found = small(&PlannerParams::default(), start, goal, &Budget::unlimited());
+        let path = CurvePath::new(found.path.unwrap()).unwrap();
+        assert_eq!(path.end_pose().position, goal.position);
+    }
+
+    #[test]
+    fn ends_against_the_guide_are_turned_into() {
+        // Looking away from the guide at both ends.
+        let start = EndPose::pose(3.0, 5.0, -2.0);
+        let goal = EndPose::pose(16.0, 4.0, 2.0);
+        let found = small(&PlannerParams::default(), start, goal, &Budget::unlimited());
+        let path = CurvePath::new(found.path.unwrap()).unwrap();
+        assert!(angle::difference(path.start_pose().heading, -2.0).abs() < 1e-9);
+        assert!(angle::difference(path.end_pose().heading, 2.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_budget_ends_the_search_with_what_there_is() {
+        let (start, goal) = (EndPose::pose(3.0, 3.0, 1.0), EndPose::pose(17.0, 3.0, -1.0));
+        let run = |n| {
+            small(
+                &PlannerParams::default(),
+                start,
+                goal,
+                &Budget::of_iterations(n),
+            )
+        };
+        assert!(run(0).path.is_none());
+        let (short, long) = (run(600), run(3000));
+        assert_eq!((short.iterations, long.iterations), (600, 3000));
+        // The longer run passes through the shorter one.
+        assert_eq!(
+            short.improvements[..],
+            long.improvements[..short.improvements.len()]
+        );
+        assert!(long.cost <= short.cost);
+    }
+
+    #[test]
+    fn a_shrinking_radius_finds_a_path_too() {
+        let params = PlannerParams {
+            rewire_radius_shrinks: true,
+            ..PlannerParams::table_1()
+        };
+        assert!(yard_run(&params, 0).path.is_some());
+    }
+}
