@@ -78,8 +78,10 @@ pub struct Stages {
     pub corridor_tree: Vec<FergusonCurve>,
     /// P_BiRRT: what the first search found.
     pub coarse: Option<Polyline>,
-    /// P_smooth: what the corridor runs along.
+    /// P_smooth: the shortened path.
     pub guide: Option<Polyline>,
+    /// Middle of the corridor: the guide with its ends bent onto the prescribed headings.
+    pub corridor_guide: Option<Polyline>,
     /// w, m.
     pub corridor_half_width: Option<f64>,
 }

@@ -1,0 +1,293 @@
+//! The methods of Table 2 as short compositions of stages — Sect. 3.2, Algorithm 1.
+//!
+//! | stage               | lines | ignores            | yields                    |
+//! |---------------------|-------|--------------------|---------------------------|
+//! | [`birrt::search`]   | 1–4   | heading, curvature | a collision-free polyline |
+//! | [`shortcut::apply`] | 5     | heading, curvature | a shorter polyline        |
+//! | [`corridor::search`] | 6–38 | nothing            | curves the bike can track |
+//!
+//! Stages that ignore heading plan for the largest disc about the footprint's reference point: what that disc cannot
+//! do, the footprint cannot. Where the listing is silent or ambiguous we chose; see [`PlannerParams`].
+
+use crate::birrt;
+use crate::budget::{Budget, CutShort, Meter};
+use crate::chance::{Chance, Purpose};
+use crate::error::PlanError;
+use crate::metrics::PathMetrics;
+use crate::motion::MotionChecker;
+use crate::params::{GoalMode, Method, PlannerParams};
+use crate::problem::{EndPose, PlanningProblem};
+use crate::report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};
+use crate::search::{PointQuery, PointSearch};
+use crate::{corridor, rrt, rrt_star, shortcut};
+use bikebot_geometry::{CurvePath, Point2, Polyline, Pose2};
+
+/// Plans a path for `problem.footprint` from `problem.start` into `problem.goal`.
+///
+/// The curvature limit is the problem's; `params.max_curvature` and `params.footprint` are what a scenario builds a problem
+/// from and are not read here. Equal problem, parameters, seed and iteration budget give an equal report, bit for bit.
+///
+/// # Errors
+///
+/// Only for a problem that makes no sense, such as a start inside an obstacle. A search that comes to nothing is
+/// an ordinary result: see [`Outcome`].
+pub fn plan(
+    problem: &PlanningProblem<'_>,
+    params: &PlannerParams,
+    seed: u64,
+    budget: &Budget<'_>,
+) -> Result<PlanReport, PlanError> {
+    plan_observed(problem, params, seed, budget, &mut |_| {})
+}
+
+/// [`plan`], telling `observe` of every entry of the trace as it is made: for callers who have a clock.
+///
+/// # Errors
+///
+/// As [`plan`].
+pub fn plan_observed(
+    problem: &PlanningProblem<'_>,
+    params: &PlannerParams,
+    seed: u64,
+    budget: &Budget<'_>,
+    observe: &mut dyn FnMut(&TraceEntry),
+) -> Result<PlanReport, PlanError> {
+    params.check()?;
+    problem.check(params.margin)?;
+    let checker = MotionChecker::new(
+        problem.world,
+        &problem.footprint,
+        params.margin,
+        resolution(problem, params),
+    );
+    let mut run = Run {
+        problem,
+        params,
+        seed,
+        discs: checker.inscribed(),
+        checker,
+        meter: Meter::new(budget),
+        stages: Stages::default(),
+        trace: Vec::new(),
+        observe,
+    };
+    let (end, path) = run.method();
+    Ok(run.report(end, path))
+}
+
+/// How a composition of stages ended.
+enum End {
+    Found,
+    Disconnected,
+    /// No polyline was found.
+    NoWay,
+    /// A polyline was found, but no curves along it.
+    NoCurve,
+}
+
+/// Everything the stages share.
+struct Run<'r, 'w, 'b> {
+    problem: &'r PlanningProblem<'w>,
+    params: &'r PlannerParams,
+    seed: u64,
+    /// For the whole footprint.
+    checker: MotionChecker<'w>,
+    /// For its inscribed disc.
+    discs: MotionChecker<'w>,
+    meter: Meter<'b>,
+    stages: Stages,
+    trace: Vec<TraceEntry>,
+    observe: &'r mut dyn FnMut(&TraceEntry),
+}
+
+impl Run<'_, '_, '_> {
+    fn method(&mut self) -> (End, Option<PlannedPath>) {
+        match self.params.method {
+            Method::Rrt | Method::RrtStar | Method::Birrt => match self.coarse() {
+                Ok(path) => polyline(path),
+                Err(end) => (end, None),
+            },
+            Method::BirrtSmooth => match self.guide() {
+                Ok(path) => polyline(path),
+                Err(end) => (end, None),
+            },
+            Method::Paper => self.paper(),
+        }
+    }
+
+    /// Algorithm 1.
+    fn paper(&mut self) -> (End, Option<PlannedPath>) {
+        let guide = match self.guide() {
+            Ok(guide) => guide,
+            Err(end) => return (end, None),
+        };
+        let Ok(guide) = Polyline::new(guide) else {
+            return (End::NoWay, None);
+        };
+        let mut chance = Chance::new(self.seed, Purpose::Corridor, 0);
+        let (trace, observe) = (&mut self.trace, &mut self.observe);
+        let found = corridor::search(
+            self.problem,
+            self.params,
+            &self.checker,
+            &guide,
+            &mut chance,
+            &mut self.meter,
+            &mut |improvement| {
+                let entry = TraceEntry {
+                    iteration: improvement.iteration,
+                    stage: Stage::Corridor,
+                    length: improvement.length,
+                    cost: improvement.cost,
+                };
+                observe(&entry);
+                trace.push(entry);
+            },
+        );
+        self.stages.corridor_tree = found.edges;
+        self.stages.corridor_guide = Some(found.guide);
+        self.stages.corridor_half_width = Some(self.params.corridor_half_width());
+        match found.path.map(CurvePath::new) {
+            Some(Ok(path)) => (End::Found, Some(PlannedPath::Curves(path))),
+            // Where the start is an arrival already, there is no curve to ride.
+            Some(Err(_)) => polyline(vec![self.problem.start.position]),
+            None => (End::NoCurve, None),
+        }
+    }
+
+    /// P_BiRRT, or what the plain methods find in its place.
+    fn coarse(&mut self) -> Result<Vec<Point2>, End> {
+        let (stage, purpose) = match self.params.method {
+            Method::Rrt => (Stage::Rrt, Purpose::Rrt),
+            Method::RrtStar => (Stage::RrtStar, Purpose::RrtStar),
+            Method::Birrt | Method::BirrtSmooth | Method::Paper => (Stage::Birrt, Purpose::Birrt),
+        };
+        let query = PointQuery {
+            checker: &self.discs,
+            start: self.problem.start.position,
+            goal: self.problem.goal.position,
+            goal_mode: self.params.goal,
+            tolerance: self.problem.goal.tolerance,
+            max_step: self.params.max_step(),
+            max_samples: self.params.search_iterations,
+        };
+        let mut chance = Chance::new(self.seed, purpose, 0);
+        let meter = &mut self.meter;
+        let PointSearch {
+            path,
+            edges,
+            disconnected,
+            ..
+        } = match stage {
+            Stage::Rrt => rrt::search(&query, &mut chance, meter),
+            Stage::RrtStar => {
+                rrt_star::search(&query, self.params.rrt_star_radius(), &mut chance, meter)
+            }
+            _ => birrt::search(&query, self.params.birrt_connect, &mut chance, meter),
+        };
+        self.stages.tree = edges;
+        match path {
+            Some(path) => {
+                self.stages.coarse = Polyline::new(path.clone()).ok();
+                self.note_polyline(stage, &path);
+                Ok(path)
+            }
+            None if disconnected => Err(End::Disconnected),
+            None => Err(End::NoWay),
+        }
+    }
+
+    /// P_smooth.
+    fn guide(&mut self) -> Result<Vec<Point2>, End> {
+        let mut path = self.coarse()?;
+        let mut chance = Chance::new(self.seed, Purpose::Shortcut, 0);
+        shortcut::apply(
+            &mut path,
+            self.params.shortcut_attempts,
+            &self.discs,
+            &mut chance,
+            &mut self.meter,
+        );
+        self.stages.guide = Polyline::new(path.clone()).ok();
+        self.note_polyline(Stage::Shortcut, &path);
+        Ok(path)
+    }
+
+    fn note_polyline(&mut self, stage: Stage, path: &[Point2]) {
+        let length = path.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+        self.note(stage, length, self.params.length_weight * length);
+    }
+
+    fn note(&mut self, stage: Stage, length: f64, cost: f64) {
+        let entry = TraceEntry {
+            iteration: self.meter.iterations(),
+            stage,
+            length,
+            cost,
+        };
+        (self.observe)(&entry);
+        self.trace.push(entry);
+    }
+
+    fn report(self, end: End, path: Option<PlannedPath>) -> PlanReport {
+        let (outcome, reason) = match (end, self.meter.cut_short()) {
+            (End::Found, _) => (Outcome::Found, Reason::Found),
+            (End::Disconnected, _) => (Outcome::NoPath, Reason::Disconnected),
+            (_, Some(CutShort::Deadline)) => (Outcome::TimedOut, Reason::Deadline),
+            (_, Some(CutShort::Cancelled)) => (Outcome::TimedOut, Reason::Cancelled),
+            (_, Some(CutShort::Iterations)) | (End::NoWay, None) => {
+                (Outcome::Exhausted, Reason::Iterations)
+            }
+            (End::NoCurve, None) => (Outcome::Exhausted, Reason::CurvatureInfeasible),
+        };
+        let metrics = path.as_ref().map(|path| {
+            let goal = &self.problem.goal;
+            let straight = (goal.position - self.problem.start.position).norm();
+            let lower_bound = match self.params.goal {
+                GoalMode::Pose => straight,
+                GoalMode::Ball => (straight - goal.tolerance).max(0.0),
+            };
+            let tolerance = 0.5 * self.params.clearance_resolution();
+            PathMetrics::of(path, &self.checker, goal.position, lower_bound, tolerance)
+        });
+        PlanReport {
+            outcome,
+            reason,
+            method: self.params.method,
+            seed: self.seed,
+            iterations: self.meter.iterations(),
+            cut_short: self.meter.cut_short(),
+            path,
+            metrics,
+            stages: self.stages,
+            trace: self.trace,
+        }
+    }
+}
+
+fn polyline(path: Vec<Point2>) -> (End, Option<PlannedPath>) {
+    // Vertices of a tree are finite, and a path has at least its start.
+    match Polyline::new(path) {
+        Ok(line) => (End::Found, Some(PlannedPath::Polyline(line))),
+        Err(_) => (End::NoWay, None),
+    }
+}
+
+/// δ, m: the parameters', but no more than what the ends have to spare, or every motion out of a tight start would be refused.
+fn resolution(problem: &PlanningProblem<'_>, params: &PlannerParams) -> f64 {
+    let checker = MotionChecker::new(problem.world, &problem.footprint, params.margin, 0.0);
+    let spare = |end: &EndPose| {
+        let clearance = match end.heading {
+            Some(heading) => checker.pose_clearance(&Pose2 {
+                position: end.position,
+                heading,
+            }),
+            None => checker.position_clearance(end.position),
+        };
+        clearance - params.margin
+    };
+    params
+        .clearance_resolution()
+        .min(spare(&problem.start))
+        .min(spare(&problem.goal.end()))
+}
