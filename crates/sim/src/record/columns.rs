@@ -112,6 +112,12 @@ macro_rules! sampled {
                 self.time_s.push(time.seconds());
                 $( self.$field.push(sample.$field.number()); )*
             }
+
+            /// Appends a row from a lookup by name, absent values as NaN.
+            pub(crate) fn push_named(&mut self, lookup: impl Fn(&str) -> Option<f64>) {
+                self.time_s.push(lookup("time_s").unwrap_or(f64::NAN));
+                $( self.$field.push(lookup(stringify!($field)).unwrap_or(f64::NAN)); )*
+            }
         }
     };
 }

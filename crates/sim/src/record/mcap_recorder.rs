@@ -93,6 +93,10 @@ pub struct McapRecorder<W: Write + Seek> {
     /// The newest samples that were not written yet; at the end they are.
     held_state: Option<(SimTime, StateSample)>,
     held_control: Option<(SimTime, ControlSample)>,
+    /// Messages placed in the world, of the present stamp, until the first transforms
+    /// have been written: a viewer looks for those at or before each stamp.
+    waiting: Vec<(Topic, Vec<u8>)>,
+    has_frames: bool,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -165,6 +169,8 @@ impl<W: Write + Seek> McapRecorder<W> {
             moving: Pace::hertz(options.scene),
             held_state: None,
             held_control: None,
+            waiting: Vec::new(),
+            has_frames: false,
         };
         this.metadata(RUN, run_metadata(run))?;
         this.attach(SCENARIO, "application/toml", run.scenario_text.as_bytes())?;
@@ -201,6 +207,7 @@ impl<W: Write + Seek> McapRecorder<W> {
         if self.closed.is_some() {
             return Ok(());
         }
+        self.release_waiting(self.last_time)?;
         self.write_held()?;
         self.metadata(RESULT, result_metadata(result))?;
         if !result.host.is_empty() {
@@ -310,6 +317,21 @@ impl<W: Write + Seek> McapRecorder<W> {
         message
             .encode(&mut buffer)
             .expect("encoding fails only for want of room, and a vector grows");
+        if topic.is_framed() && !self.has_frames {
+            self.waiting.push((topic, buffer));
+            return Ok(());
+        }
+        let sent = self.write_message(topic, time, &buffer);
+        self.buffer = buffer;
+        sent
+    }
+
+    fn write_message(
+        &mut self,
+        topic: Topic,
+        time: SimTime,
+        message: &[u8],
+    ) -> Result<(), RecordError> {
         let channel = self.channels[topic as usize];
         let header = MessageHeader {
             channel_id: channel.id,
@@ -317,10 +339,17 @@ impl<W: Write + Seek> McapRecorder<W> {
             log_time: time.nanoseconds(),
             publish_time: time.nanoseconds(),
         };
-        let sent = self.write(|writer| writer.write_to_known_channel(&header, &buffer));
         self.channels[topic as usize].sequence = channel.sequence.wrapping_add(1);
-        self.buffer = buffer;
-        sent.map(|_| ())
+        self.write(|writer| writer.write_to_known_channel(&header, message))
+            .map(|_| ())
+    }
+
+    /// Writes what waited for the first transforms, all of the stamp `time`.
+    fn release_waiting(&mut self, time: SimTime) -> Result<(), RecordError> {
+        for (topic, message) in std::mem::take(&mut self.waiting) {
+            self.write_message(topic, time, &message)?;
+        }
+        Ok(())
     }
 
     fn state(&mut self, time: SimTime, state: &StateSample, all: bool) -> Result<(), RecordError> {
@@ -351,6 +380,8 @@ impl<W: Write + Seek> McapRecorder<W> {
     ) -> Result<(), RecordError> {
         if self.frames.is_due(time) || all {
             self.send(Topic::Frames, time, &messages::frames(time, state, bike))?;
+            self.has_frames = true;
+            self.release_waiting(time)?;
         }
         if self.joints.is_due(time) || all {
             self.send(Topic::Joints, time, &messages::joints(time, state, bike))?;
@@ -442,6 +473,10 @@ impl<W: Write + Seek> Recorder for McapRecorder<W> {
                 time,
                 last: self.last_time,
             });
+        }
+        if time > self.last_time {
+            // No transforms came with them; they wait no longer than their stamp.
+            self.release_waiting(self.last_time)?;
         }
         self.last_time = time;
         if self.flush.is_due(time) {

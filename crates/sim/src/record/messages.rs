@@ -8,8 +8,8 @@ use std::f64::consts::TAU;
 use foxglove::Encode;
 use foxglove::messages::{
     ArrowPrimitive, Color, CubePrimitive, CylinderPrimitive, FrameTransform, FrameTransforms, Grid,
-    JointState, JointStates, LaserScan, LinePrimitive, Log, PackedElementField, Point3, Pose,
-    PoseInFrame, PosesInFrame, Quaternion, SceneEntity, SceneUpdate, Timestamp,
+    JointState, JointStates, KeyValuePair, LaserScan, LinePrimitive, Log, PackedElementField,
+    Point3, Pose, PoseInFrame, PosesInFrame, Quaternion, SceneEntity, SceneUpdate, Timestamp,
     TriangleListPrimitive, Vector2, Vector3, line_primitive, log, packed_element_field,
 };
 
@@ -105,6 +105,23 @@ impl Topic {
             Self::Events => "/events",
             Self::Log => "/log",
         }
+    }
+
+    /// Whether its messages are placed in the world, other than saying where frames are.
+    pub(super) const fn is_framed(self) -> bool {
+        matches!(
+            self,
+            Self::Map
+                | Self::Occupancy
+                | Self::PlanPath
+                | Self::PlanScene
+                | Self::PlanSamples
+                | Self::Followed
+                | Self::Pose
+                | Self::Footprint
+                | Self::Obstacles
+                | Self::Scan
+        )
     }
 
     /// The schema of the topic's messages and their encoding.
@@ -433,6 +450,14 @@ pub(super) fn plan_path(time: SimTime, path: &[PathSample]) -> PosesInFrame {
     }
 }
 
+/// A number beside a picture, as the shortest text that reads back as the same.
+fn number(key: &str, value: f64) -> KeyValuePair {
+    KeyValuePair {
+        key: key.to_owned(),
+        value: value.to_string(),
+    }
+}
+
 /// The stages of a plan, each under an id of its own that a new plan replaces.
 pub(super) fn plan_scene(time: SimTime, plan: &PlanEvent<'_>) -> SceneUpdate {
     let strip = line_primitive::Type::LineStrip;
@@ -462,8 +487,23 @@ pub(super) fn plan_scene(time: SimTime, plan: &PlanEvent<'_>) -> SceneUpdate {
             })
             .to_vec()
     });
+    let mut corridor = drawn("corridor", corridor);
+    let half_width = plan.corridor_half_width;
+    corridor.metadata = half_width
+        .map(|it| number("half_width_m", it))
+        .into_iter()
+        .collect();
     let mut goal = entity(time, "goal");
     if let Some(it) = plan.goal {
+        let heading = it.heading.map(|it| number("heading_rad", it));
+        goal.metadata = [
+            number("x_m", it.position[0]),
+            number("y_m", it.position[1]),
+            number("tolerance_m", it.tolerance),
+        ]
+        .into_iter()
+        .chain(heading)
+        .collect();
         let ring = (0..36).map(|piece| {
             let (sin, cos) = (TAU * f64::from(piece) / 36.0).sin_cos();
             [
@@ -491,7 +531,7 @@ pub(super) fn plan_scene(time: SimTime, plan: &PlanEvent<'_>) -> SceneUpdate {
         drawn("tree", vec![tree]),
         drawn("coarse", vec![coarse]),
         drawn("guide", vec![guide]),
-        drawn("corridor", corridor),
+        corridor,
         drawn("path", vec![path]),
         goal,
     ])

@@ -3,7 +3,8 @@
 //! The closed loop tells a [`Recorder`] each [`Event`] as it happens and knows
 //! nothing of files. [`Trace`] keeps the numbers for tests, pictures and Python;
 //! [`McapRecorder`] writes the recording that people watch, share and run again;
-//! a pair of recorders is a recorder.
+//! a pair of recorders is a recorder. What a file holds, whether it is whole and what can
+//! be saved of it is asked of [`log`].
 //!
 //! A recording depends on nothing but scenario, seed and version: all times in it
 //! are simulated, and what the host and its clock have to say goes into one
@@ -12,8 +13,12 @@
 mod columns;
 pub mod event;
 pub mod hash;
+pub mod log;
 pub mod mcap_recorder;
 mod messages;
+mod protobuf;
+#[cfg(test)]
+mod recording_test;
 pub mod scene;
 pub mod trace;
 mod wire;

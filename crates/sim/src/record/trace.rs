@@ -74,6 +74,7 @@ pub struct ScanTrace {
 /// What a run left behind, in memory.
 ///
 /// Scans are kept only on request ([`Trace::with_scans`]); they outweigh all else.
+/// [`log::read_trace`](super::log::read_trace) gives the same from a file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trace {
     /// The true states.
@@ -103,6 +104,11 @@ impl Trace {
             keep_scans: true,
             ..Self::default()
         }
+    }
+
+    /// Whether scans are kept.
+    pub(super) fn keeps_scans(&self) -> bool {
+        self.keep_scans
     }
 
     /// Time and values of the quantity of that name, from state or control.
