@@ -524,7 +524,7 @@ mod tests {
         };
         let mut start = 0;
         loop {
-            let mut chance = |purpose| Chance::new(seed, purpose, start);
+            let chance = |purpose| Chance::new(seed, purpose, start);
             let coarse = birrt::search(
                 &query,
                 params.birrt_connect,

@@ -90,9 +90,9 @@ pub enum GoalMode {
 #[serde(rename_all = "snake_case")]
 pub enum TangentRule {
     /// The distance between the ends.
-    #[default]
     Chord,
     /// The distance divided by cos²(Δθ/4): the magnitude that turns the curve into almost a circular arc.
+    #[default]
     ChordSec2,
     /// The fixed `tangent_speed_m`, as printed.
     Constant,
@@ -223,7 +223,8 @@ pub struct PlannerParams {
     /// until blocked, as in RRT-Connect.
     pub birrt_connect: bool,
     /// Magnitude of the tangents of an edge: "chord", "chord_sec2" or "constant". A constant 1 on edges of 5 m, as printed,
-    /// bends them beyond any limit.
+    /// bends them beyond any limit. "chord_sec2" is the default because it follows turns as tight as the limit with the least bending;
+    /// on the yard "chord", which reproduces Table 2, is as good.
     pub tangent: TangentRule,
     /// Magnitude of the tangents where `tangent = "constant"`, m per unit of the curve's parameter (the paper's k; Table 1: 1).
     #[serde(rename = "tangent_speed_m")]
@@ -277,7 +278,7 @@ impl Default for PlannerParams {
             shortcut_attempts: 200,
             guides: 5,
             birrt_connect: false,
-            tangent: TangentRule::Chord,
+            tangent: TangentRule::ChordSec2,
             tangent_speed: 1.0,
             cost: CostRule::Printed,
             length_weight: 1.0,
@@ -300,6 +301,7 @@ impl PlannerParams {
             footprint: "point".to_owned(),
             goal: GoalMode::Ball,
             guides: 1,
+            tangent: TangentRule::Chord,
             structured_seeds: false,
             end_arcs: false,
             ..Self::default()
