@@ -29,6 +29,9 @@ use bikebot_geometry::{FergusonCurve, Point2, Polyline, Pose2, angle};
 /// Distance to the goal, in steps ε, within which a new node is joined to it.
 const GOAL_REACH: f64 = 1.2;
 
+/// Headings that count as equal where a node lies on the goal already, rad: rounding of a wrapped angle.
+const SAME_HEADING: f64 = 1e-12;
+
 /// A better path found on the way.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Improvement {
@@ -43,7 +46,7 @@ pub struct Improvement {
 /// What the search in one corridor came to.
 #[derive(Debug, Clone)]
 pub struct CorridorSearch {
-    /// The cheapest path's curves from start to arrival; `None` if there was no arrival.
+    /// The cheapest path's curves from start to arrival; `None` if there was no arrival, no curve where the start is one.
     pub path: Option<Vec<FergusonCurve>>,
     /// Cost of that path; infinite without one.
     pub cost: f64,
@@ -86,7 +89,8 @@ pub fn search(
     let mut search = Search::new(problem, params, &connector, &ends);
     search.report_improvement(meter, observe);
     let mut iterations = 0;
-    while iterations < params.iterations && meter.step() {
+    // Nothing is cheaper than having arrived at the start.
+    while search.best > 0.0 && iterations < params.iterations && meter.step() {
         iterations += 1;
         let seed = seeds.next();
         let sample = seed.unwrap_or_else(|| sampler.draw(chance));
@@ -330,15 +334,17 @@ impl<'a> Search<'a> {
         let at = self.tree.value(node).at;
         let cost = self.tree.cost_to_come(node);
         if self.params.goal == GoalMode::Ball {
-            // The root has no path to it that could be returned.
-            if node != NodeId::ROOT && self.problem.goal.contains(at.pose.position) {
-                self.arrivals.push(Arrival {
-                    node,
-                    connection: None,
-                    entry: 0,
-                });
-                self.refresh();
+            if self.problem.goal.contains(at.pose.position) {
+                self.arrive_on(node);
             }
+            return;
+        }
+        if at.pose.position == self.problem.goal.position
+            && self.problem.goal.heading.is_none_or(|heading| {
+                angle::difference(heading, at.pose.heading).abs() <= SAME_HEADING
+            })
+        {
+            self.arrive_on(node);
             return;
         }
         let reach = GOAL_REACH * self.params.max_step();
@@ -362,7 +368,17 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The cheaper of two ways to a goal of any heading: along an arc, or turning half as far.
+    /// An arrival at a node itself, without another curve.
+    fn arrive_on(&mut self, node: NodeId) {
+        self.arrivals.push(Arrival {
+            node,
+            connection: None,
+            entry: 0,
+        });
+        self.refresh();
+    }
+
+    /// The cheapest of three ways to a goal of any heading: along an arc, or turning half as far.
     fn connect_to_point(
         &self,
         from: &DirectedPose,
@@ -779,7 +795,7 @@ mod tests {
             &mut meter,
             &mut |_| {},
         );
-        if found.path.is_some() {
+        if found.path.as_ref().is_some_and(|path| !path.is_empty()) {
             examined(&problem, &found);
         }
         found
@@ -824,6 +840,24 @@ mod tests {
             long.improvements[..short.improvements.len()]
         );
         assert!(long.cost <= short.cost);
+    }
+
+    #[test]
+    fn a_start_that_has_arrived_needs_no_curve() {
+        let start = EndPose::pose(3.0, 3.0, 1.0);
+        let budget = Budget::unlimited();
+        let found = small(&PlannerParams::default(), start, start, &budget);
+        assert_eq!(
+            (found.path, found.cost, found.iterations),
+            (Some(vec![]), 0.0, 0)
+        );
+        let ball = PlannerParams::table_1();
+        let found = small(&ball, start, EndPose::point(3.5, 3.0), &budget);
+        assert_eq!(found.path, Some(vec![]));
+        // Facing the other way there is a circle to ride.
+        let turned = EndPose::pose(3.0, 3.0, -2.0);
+        let found = small(&PlannerParams::default(), start, turned, &budget);
+        assert!(found.cost > 0.0);
     }
 
     #[test]
