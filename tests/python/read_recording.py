@@ -68,7 +68,7 @@ def check_grid(message):
 
 
 def check_recording(path):
-    counts, links, known, last = {}, set(), set(), 0
+    counts, links, known, last, placed = {}, set(), set(), 0, None
     states = 0
     with open(path, "rb") as file:
         # Order of the file, not sorted by the reader: that is what is to be checked.
@@ -89,6 +89,7 @@ def check_recording(path):
             for stamp in stamps(message):
                 assert nanoseconds(stamp) == record.log_time, f"{topic}: stamp is not log time"
             if topic == "/tf":
+                assert placed != last, f"a message before the transforms of its stamp {last} ns"
                 for link in message.transforms:
                     links.add((link.parent_frame_id, link.child_frame_id))
                     known |= {link.parent_frame_id, link.child_frame_id}
@@ -96,6 +97,7 @@ def check_recording(path):
                     norm = math.hypot(q.x, q.y, q.z, q.w)
                     assert abs(norm - 1.0) < 1e-9, "/tf: rotation is not of unit length"
             for frame in frames_used(message):
+                placed = last
                 assert frame in known, f"{topic}: frame {frame} before any transform named it"
             if topic.startswith("/map"):
                 check_grid(message)

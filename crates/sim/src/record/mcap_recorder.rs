@@ -93,10 +93,11 @@ pub struct McapRecorder<W: Write + Seek> {
     /// The newest samples that were not written yet; at the end they are.
     held_state: Option<(SimTime, StateSample)>,
     held_control: Option<(SimTime, ControlSample)>,
-    /// Messages placed in the world, of the present stamp, until the first transforms
-    /// have been written: a viewer looks for those at or before each stamp.
+    /// Messages placed in the world, of the present stamp, until its state has come
+    /// and with it the transforms: a viewer looks for those at or before each stamp.
     waiting: Vec<(Topic, Vec<u8>)>,
-    has_frames: bool,
+    /// The stamp whose state has come.
+    settled: Option<SimTime>,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -170,7 +171,7 @@ impl<W: Write + Seek> McapRecorder<W> {
             held_state: None,
             held_control: None,
             waiting: Vec::new(),
-            has_frames: false,
+            settled: None,
         };
         this.metadata(RUN, run_metadata(run))?;
         this.attach(SCENARIO, "application/toml", run.scenario_text.as_bytes())?;
@@ -317,7 +318,7 @@ impl<W: Write + Seek> McapRecorder<W> {
         message
             .encode(&mut buffer)
             .expect("encoding fails only for want of room, and a vector grows");
-        if topic.is_framed() && !self.has_frames {
+        if topic.is_framed() && self.settled != Some(time) {
             self.waiting.push((topic, buffer));
             return Ok(());
         }
@@ -344,7 +345,13 @@ impl<W: Write + Seek> McapRecorder<W> {
             .map(|_| ())
     }
 
-    /// Writes what waited for the first transforms, all of the stamp `time`.
+    /// The transforms of this stamp are written, or will not be: all else may follow.
+    fn settle(&mut self, time: SimTime) -> Result<(), RecordError> {
+        self.settled = Some(time);
+        self.release_waiting(time)
+    }
+
+    /// Writes what waited for transforms, all of the stamp `time`.
     fn release_waiting(&mut self, time: SimTime) -> Result<(), RecordError> {
         for (topic, message) in std::mem::take(&mut self.waiting) {
             self.write_message(topic, time, &message)?;
@@ -358,6 +365,8 @@ impl<W: Write + Seek> McapRecorder<W> {
             let drawn = self.drawn_from_state(time, state, &bike, all);
             self.bike = Some(bike);
             drawn?;
+        } else {
+            self.settle(time)?;
         }
         if self.pose.is_due(time) || all {
             self.send(Topic::Pose, time, &messages::bike_pose(time, state))?;
@@ -378,11 +387,10 @@ impl<W: Write + Seek> McapRecorder<W> {
         bike: &BikeGeometry,
         all: bool,
     ) -> Result<(), RecordError> {
-        if self.frames.is_due(time) || all {
+        if self.frames.is_due(time) || all || !self.waiting.is_empty() {
             self.send(Topic::Frames, time, &messages::frames(time, state, bike))?;
-            self.has_frames = true;
-            self.release_waiting(time)?;
         }
+        self.settle(time)?;
         if self.joints.is_due(time) || all {
             self.send(Topic::Joints, time, &messages::joints(time, state, bike))?;
         }
@@ -475,7 +483,7 @@ impl<W: Write + Seek> Recorder for McapRecorder<W> {
             });
         }
         if time > self.last_time {
-            // No transforms came with them; they wait no longer than their stamp.
+            // No state came with them; they wait no longer than their stamp.
             self.release_waiting(self.last_time)?;
         }
         self.last_time = time;

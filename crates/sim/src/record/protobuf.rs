@@ -178,6 +178,13 @@ impl Schema {
         Ok(Self { root, types })
     }
 
+    /// The names of the message's own fields.
+    #[cfg(test)]
+    pub(crate) fn fields(&self) -> Vec<String> {
+        let fields = self.types[&self.root].values();
+        fields.map(|it| it.name.clone()).collect()
+    }
+
     /// Reads a message, checking that it is one.
     pub(crate) fn decode<'a>(&'a self, bytes: &'a [u8]) -> Result<Message<'a>, Malformed> {
         let mut budget = VALUE_LIMIT;

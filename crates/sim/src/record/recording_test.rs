@@ -140,19 +140,7 @@ fn ride(recorder: &mut dyn Recorder, seconds: f64) -> Result<(), RecordError> {
         if time > SimTime::from_seconds(seconds) {
             break;
         }
-        let state = state_at(time);
-        recorder.record(time, &Event::State(&state))?;
-        let control = ControlSample {
-            lateral_error_m: 0.001 * time.seconds(),
-            phase: RidePhase::Cruise,
-            ..ControlSample::default()
-        };
-        recorder.record(time, &Event::Control(&control))?;
-        let shape = Shape::Disc {
-            center: [4.0, time.seconds()],
-            radius: 0.2,
-        };
-        recorder.record(time, &Event::MovingObstacles(&[shape]))?;
+        // The laser looks before the state is recorded, as a loop may have it.
         if scan_period.is_due(time) {
             let ranges: Vec<f64> = (0..181)
                 .map(|beam| {
@@ -170,6 +158,19 @@ fn ride(recorder: &mut dyn Recorder, seconds: f64) -> Result<(), RecordError> {
             };
             recorder.record(time, &Event::Scan(scan))?;
         }
+        let state = state_at(time);
+        recorder.record(time, &Event::State(&state))?;
+        let control = ControlSample {
+            lateral_error_m: 0.001 * time.seconds(),
+            phase: RidePhase::Cruise,
+            ..ControlSample::default()
+        };
+        recorder.record(time, &Event::Control(&control))?;
+        let shape = Shape::Disc {
+            center: [4.0, time.seconds()],
+            radius: 0.2,
+        };
+        recorder.record(time, &Event::MovingObstacles(&[shape]))?;
         if step == 100 {
             recorder.record(
                 time,
@@ -251,6 +252,7 @@ fn the_mcap_crates_own_reader_sees_the_same_messages_in_order_of_time() {
     let mut count = 0;
     let (mut last, mut first_topic) = (0, None);
     let mut sequences = BTreeMap::<String, u32>::new();
+    let mut placed = None;
     for message in mcap::MessageStream::new(&bytes).unwrap() {
         let message = message.unwrap();
         assert_eq!(message.log_time, message.publish_time);
@@ -258,6 +260,18 @@ fn the_mcap_crates_own_reader_sees_the_same_messages_in_order_of_time() {
         last = message.log_time;
         count += 1;
         first_topic.get_or_insert(message.channel.topic.clone());
+        // A viewer at this stamp finds the transforms it needs.
+        match message.channel.topic.as_str() {
+            "/tf" => assert_ne!(
+                placed,
+                Some(last),
+                "a message before the transforms of its stamp"
+            ),
+            "/scan" | "/map" | "/plan/scene" | "/bike/pose" | "/bike/footprint" => {
+                placed = Some(last);
+            }
+            _ => {}
+        }
         let sequence = sequences.entry(message.channel.topic.clone()).or_default();
         assert_eq!(message.sequence, *sequence);
         *sequence += 1;
@@ -889,6 +903,82 @@ fn frames_that_do_not_hang_together_are_noticed() {
     );
     // A circle has no root; it must end all the same.
     let _ = problems("a", &[("b", "a"), ("a", "b")]);
+}
+
+/// All strings under a key such as `value`, anywhere in some JSON.
+fn strings_under<'j>(json: &'j serde_json::Value, keys: &[&str], found: &mut Vec<&'j str>) {
+    match json {
+        serde_json::Value::Object(map) => {
+            for (key, inner) in map {
+                match inner {
+                    serde_json::Value::String(text) if keys.contains(&key.as_str()) => {
+                        found.push(text);
+                    }
+                    inner => strings_under(inner, keys, found),
+                }
+            }
+        }
+        serde_json::Value::Array(items) => {
+            for inner in items {
+                strings_under(inner, keys, found);
+            }
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn the_shipped_layout_shows_only_topics_and_fields_that_exist() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../layouts/bikebot.json");
+    let layout: serde_json::Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
+    let bytes = recording(0.6);
+    let mut fields = BTreeMap::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let channel = message.unwrap().channel;
+        let schema = channel.schema.clone().unwrap();
+        fields.entry(channel.topic.clone()).or_insert_with(|| {
+            protobuf::Schema::parse(&schema.name, &schema.data)
+                .unwrap()
+                .fields()
+        });
+    }
+    let configs = &layout["configById"];
+    for topic in configs["3D!ride"]["topics"].as_object().unwrap().keys() {
+        assert!(fields.contains_key(topic), "{topic}");
+    }
+    let mut paths = Vec::new();
+    strings_under(
+        configs,
+        &["value", "topicPath", "topicToRender"],
+        &mut paths,
+    );
+    assert!(paths.len() > 20);
+    for path in paths {
+        let (topic, field) = path.split_once('.').unwrap_or((path, ""));
+        let known = fields.get(topic).unwrap_or_else(|| panic!("{path}"));
+        let field = field.trim_end_matches("[:]");
+        assert!(
+            field.is_empty() || known.iter().any(|it| it == field),
+            "{path}"
+        );
+    }
+    // Every panel is placed once, and every place has its panel.
+    let mut placed = Vec::new();
+    strings_under(&layout["layout"], &["first", "second"], &mut placed);
+    strings_under(
+        &configs["Tab!numbers"],
+        &["first", "second", "layout"],
+        &mut placed,
+    );
+    let mut panels: Vec<&str> = configs
+        .as_object()
+        .unwrap()
+        .keys()
+        .map(String::as_str)
+        .collect();
+    placed.sort_unstable();
+    panels.sort_unstable();
+    assert_eq!(placed, panels);
 }
 
 /// The independent reader, where a Python with its packages is named by
