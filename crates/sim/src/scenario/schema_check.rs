@@ -1,0 +1,362 @@
+//! Holds a parsed TOML value against the generated JSON Schema.
+//!
+//! Only the part of JSON Schema that our types produce is read: `$ref`, `type`,
+//! `properties`, `required`, `additionalProperties: false`, `items`, `prefixItems`,
+//! `minItems`, `maxItems`, lengths, `enum`, `const`, `oneOf`/`anyOf` and numeric bounds.
+//! On top of it, every number must be finite.
+
+use serde_json::Value as Json;
+use toml::Value as Toml;
+
+/// One violation, with the path of the value at fault.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Violation {
+    /// Keys and indices from the root, e.g. `["map", "disc", "0", "radius_m"]`.
+    pub path: Vec<String>,
+    /// The fault is in the key itself (unknown), not in its value.
+    pub at_key: bool,
+    /// What was found.
+    pub message: String,
+    /// What would do.
+    pub help: Option<String>,
+}
+
+/// First violation of `value` against `schema`, in document order, or `None`.
+pub(super) fn check(schema: &Json, value: &Toml) -> Option<Violation> {
+    let mut walker = Walker {
+        root: schema,
+        path: Vec::new(),
+    };
+    walker.value(schema, value).err()
+}
+
+struct Walker<'a> {
+    root: &'a Json,
+    path: Vec<String>,
+}
+
+type Checked = Result<(), Violation>;
+
+impl<'a> Walker<'a> {
+    fn value(&mut self, schema: &'a Json, value: &Toml) -> Checked {
+        let schema = self.resolve(schema);
+        if let Some(choices) = schema.get("anyOf").or_else(|| schema.get("oneOf")) {
+            if let Some(choices) = choices.as_array() {
+                return self.any_of(choices, value);
+            }
+        }
+        if let Some(names) = schema.get("enum").and_then(Json::as_array) {
+            return self.one_of_names(names.iter().filter_map(Json::as_str).collect(), value);
+        }
+        self.type_of(schema, value)?;
+        match value {
+            Toml::Float(number) => self.number(schema, *number, &format!("{number:?}")),
+            Toml::Integer(number) => self.number(schema, *number as f64, &number.to_string()),
+            Toml::String(text) => self.length(schema, "minLength", "maxLength", text.chars().count(), "characters"),
+            Toml::Array(items) => self.array(schema, items),
+            Toml::Table(table) => self.table(schema, table),
+            _ => Ok(()),
+        }
+    }
+
+    /// Follows `$ref` (also inside a one-element `allOf`) to the definition.
+    fn resolve(&self, mut schema: &'a Json) -> &'a Json {
+        // The chain is short; the bound only guards against a circular schema.
+        for _ in 0..16 {
+            let Some(reference) = schema.get("$ref").and_then(Json::as_str) else {
+                return schema;
+            };
+            let pointer = reference.trim_start_matches('#');
+            match self.root.pointer(pointer) {
+                Some(target) => schema = target,
+                None => return schema,
+            }
+        }
+        schema
+    }
+
+    fn any_of(&mut self, choices: &'a [Json], value: &Toml) -> Checked {
+        // A string enumeration is a list of constants; name them all.
+        let constants: Vec<&str> = choices
+            .iter()
+            .map(|choice| self.resolve(choice))
+            .flat_map(|choice| {
+                choice
+                    .get("const")
+                    .into_iter()
+                    .chain(choice.get("enum").and_then(Json::as_array).into_iter().flatten())
+                    .filter_map(Json::as_str)
+                    .collect::<Vec<_>>()
+            })
+            .collect();
+        let others: Vec<&Json> = choices
+            .iter()
+            .map(|choice| self.resolve(choice))
+            .filter(|choice| {
+                choice.get("const").is_none()
+                    && choice.get("enum").is_none()
+                    && choice.get("type").and_then(Json::as_str) != Some("null")
+            })
+            .collect();
+        if others.is_empty() {
+            return self.one_of_names(constants, value);
+        }
+        let mut first = None;
+        for choice in others {
+            match self.value(choice, value) {
+                Ok(()) => return Ok(()),
+                Err(violation) => first = first.or(Some(violation)),
+            }
+        }
+        if value.as_str().is_some_and(|text| constants.contains(&text)) {
+            return Ok(());
+        }
+        first.map_or(Ok(()), Err)
+    }
+
+    fn one_of_names(&self, names: Vec<&str>, value: &Toml) -> Checked {
+        let list = || quoted_list(&names);
+        match value.as_str() {
+            Some(text) if names.contains(&text) => Ok(()),
+            Some(text) => {
+                let help = match nearest(text, names.iter().copied()) {
+                    Some(name) => format!("did you mean \"{name}\"? It may be {}", list()),
+                    None => format!("it may be {}", list()),
+                };
+                self.fail(format!("{} is \"{text}\"", self.key()), help)
+            }
+            None => self.fail(
+                format!("{} is {}", self.key(), describe(value)),
+                format!("it may be {}", list()),
+            ),
+        }
+    }
+
+    fn type_of(&self, schema: &Json, value: &Toml) -> Checked {
+        let allowed: Vec<&str> = match schema.get("type") {
+            Some(Json::String(name)) => vec![name.as_str()],
+            Some(Json::Array(names)) => names.iter().filter_map(Json::as_str).collect(),
+            _ => return Ok(()),
+        };
+        let fits = allowed.iter().any(|name| match *name {
+            "number" => matches!(value, Toml::Float(_) | Toml::Integer(_)),
+            "integer" => matches!(value, Toml::Integer(_)),
+            "string" => matches!(value, Toml::String(_)),
+            "boolean" => matches!(value, Toml::Boolean(_)),
+            "array" => matches!(value, Toml::Array(_)),
+            "object" => matches!(value, Toml::Table(_)),
+            _ => false,
+        });
+        if fits {
+            return Ok(());
+        }
+        let wanted = allowed.iter().find(|name| **name != "null").copied().unwrap_or("another type");
+        let wanted = match wanted {
+            "number" => "a number",
+            "integer" => "a whole number",
+            "string" => "a string in quotes",
+            "boolean" => "true or false",
+            "array" => "a list in [ ]",
+            "object" => "a table",
+            other => other,
+        };
+        let unit = unit_of(self.path.last().map_or("", String::as_str));
+        self.fail(
+            format!("{} is {}", self.key(), describe(value)),
+            format!("it takes {wanted}{unit}"),
+        )
+    }
+
+    fn number(&self, schema: &Json, number: f64, shown: &str) -> Checked {
+        let bound = |key: &str| schema.get(key).and_then(Json::as_f64);
+        let (min, max) = (bound("minimum"), bound("maximum"));
+        let (above, below) = (bound("exclusiveMinimum"), bound("exclusiveMaximum"));
+        let inside = number.is_finite()
+            && min.is_none_or(|limit| number >= limit)
+            && max.is_none_or(|limit| number <= limit)
+            && above.is_none_or(|limit| number > limit)
+            && below.is_none_or(|limit| number < limit);
+        if inside {
+            return Ok(());
+        }
+        let unit = unit_of(self.path.iter().rev().find(|part| part.parse::<usize>().is_err()).map_or("", String::as_str));
+        let lower = above.map(|limit| format!("more than {limit}")).or(min.map(|limit| format!("at least {limit}")));
+        let upper = below.map(|limit| format!("less than {limit}")).or(max.map(|limit| format!("at most {limit}")));
+        let range = match (lower, upper) {
+            (Some(lower), Some(upper)) => format!("it takes a number of {lower} and {upper}{unit}"),
+            (Some(only), None) | (None, Some(only)) => format!("it takes a number of {only}{unit}"),
+            (None, None) => format!("it takes a finite number{unit}"),
+        };
+        let problem = if number.is_finite() { "out of range" } else { "not a finite number" };
+        self.fail(format!("{} is {shown}, {problem}", self.key()), range)
+    }
+
+    fn length(&self, schema: &Json, min: &str, max: &str, found: usize, what: &str) -> Checked {
+        let bound = |key: &str| schema.get(key).and_then(Json::as_u64).map(|limit| limit as usize);
+        let (least, most) = (bound(min), bound(max));
+        if least.is_none_or(|limit| found >= limit) && most.is_none_or(|limit| found <= limit) {
+            return Ok(());
+        }
+        let range = match (least, most) {
+            (Some(least), Some(most)) if least == most => format!("exactly {least}"),
+            (Some(least), Some(most)) => format!("{least} to {most}"),
+            (Some(least), None) => format!("at least {least}"),
+            (None, Some(most)) => format!("at most {most}"),
+            (None, None) => return Ok(()),
+        };
+        self.fail(
+            format!("{} has {found} {what}", self.key()),
+            format!("it takes {range} {what}"),
+        )
+    }
+
+    fn array(&mut self, schema: &'a Json, items: &[Toml]) -> Checked {
+        self.length(schema, "minItems", "maxItems", items.len(), "entries")?;
+        let prefix = schema.get("prefixItems").and_then(Json::as_array);
+        for (index, item) in items.iter().enumerate() {
+            let Some(item_schema) = prefix.and_then(|list| list.get(index)).or_else(|| schema.get("items")) else {
+                continue;
+            };
+            self.path.push(index.to_string());
+            self.value(item_schema, item)?;
+            self.path.pop();
+        }
+        Ok(())
+    }
+
+    fn table(&mut self, schema: &'a Json, table: &toml::Table) -> Checked {
+        let properties = schema.get("properties").and_then(Json::as_object);
+        for (key, value) in table {
+            self.path.push(key.clone());
+            match properties.and_then(|known| known.get(key)) {
+                Some(property) => self.value(property, value)?,
+                None => return Err(self.unknown(key, properties)),
+            }
+            self.path.pop();
+        }
+        for required in schema.get("required").and_then(Json::as_array).into_iter().flatten() {
+            let Some(name) = required.as_str() else { continue };
+            if !table.contains_key(name) {
+                let place = if self.path.is_empty() {
+                    "the scenario".to_owned()
+                } else {
+                    self.section()
+                };
+                let what = properties
+                    .and_then(|known| known.get(name))
+                    .and_then(|property| property.get("description"))
+                    .and_then(Json::as_str)
+                    .and_then(|text| text.lines().next())
+                    .unwrap_or_default();
+                return self.fail(format!("{place} has no `{name}`"), format!("add `{name} = …`: {what}"));
+            }
+        }
+        Ok(())
+    }
+
+    fn unknown(&self, key: &str, properties: Option<&serde_json::Map<String, Json>>) -> Violation {
+        let names: Vec<&str> = properties.into_iter().flatten().map(|(name, _)| name.as_str()).collect();
+        let place = if self.path.len() <= 1 {
+            "at the top of the scenario".to_owned()
+        } else {
+            let parent = Self {
+                root: self.root,
+                path: self.path[..self.path.len() - 1].to_vec(),
+            };
+            format!("in {}", parent.section())
+        };
+        let known = || {
+            let mut names = names.clone();
+            names.sort_unstable();
+            names.join(", ")
+        };
+        let help = match nearest(key, names.iter().copied()) {
+            Some(name) => format!("did you mean `{name}`?"),
+            None => format!("known keys: {}", known()),
+        };
+        Violation {
+            path: self.path.clone(),
+            at_key: true,
+            message: format!("unknown key `{key}` {place}"),
+            help: Some(help),
+        }
+    }
+
+    fn fail(&self, message: String, help: String) -> Checked {
+        Err(Violation {
+            path: self.path.clone(),
+            at_key: false,
+            message,
+            help: Some(help),
+        })
+    }
+
+    fn key(&self) -> String {
+        format!("`{}`", self.path.join("."))
+    }
+
+    /// `[section]`, or `[[section]]` entry by number, as it stands in the file.
+    fn section(&self) -> String {
+        match self.path.split_last() {
+            Some((last, rest)) if last.parse::<usize>().is_ok() => {
+                let number = last.parse::<usize>().map_or(0, |index| index + 1);
+                format!("[[{}]] number {number}", rest.join("."))
+            }
+            _ => format!("[{}]", self.path.join(".")),
+        }
+    }
+}
+
+/// The unit a key's ending promises, for messages.
+fn unit_of(key: &str) -> &'static str {
+    const UNITS: [(&str, &str); 14] = [
+        ("_per_m", " (1/m)"),
+        ("_kgm2", " (kg m²)"),
+        ("_mps2", " (m/s²)"),
+        ("_radps", " (rad/s)"),
+        ("_mps", " (m/s)"),
+        ("_deg", " (degrees)"),
+        ("_rad", " (radians)"),
+        ("_nm", " (N m)"),
+        ("_hz", " (Hz)"),
+        ("_per_s", " (1/s)"),
+        ("_kg", " (kg)"),
+        ("_m", " (m)"),
+        ("_s", " (s)"),
+        ("_n", " (N)"),
+    ];
+    UNITS
+        .iter()
+        .find(|(ending, _)| key.ends_with(ending))
+        .map_or("", |(_, unit)| unit)
+}
+
+fn describe(value: &Toml) -> String {
+    match value {
+        Toml::String(text) if text.chars().count() <= 40 => format!("the string \"{text}\""),
+        Toml::String(_) => "a string".into(),
+        Toml::Integer(number) => format!("the whole number {number}"),
+        Toml::Float(number) => format!("the number {number:?}"),
+        Toml::Boolean(truth) => format!("{truth}"),
+        Toml::Datetime(_) => "a date".into(),
+        Toml::Array(_) => "a list".into(),
+        Toml::Table(_) => "a table".into(),
+    }
+}
+
+fn quoted_list(names: &[&str]) -> String {
+    names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")
+}
+
+/// The known name a typing slip most likely meant: least edit distance, at most a third of its length.
+pub(super) fn nearest<'n>(typed: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+    let typed_lower = typed.to_lowercase();
+    names
+        .map(|name| (strsim::damerau_levenshtein(&typed_lower, name), name))
+        .filter(|(distance, name)| {
+            *distance <= 2.max(name.len() / 3)
+                || (typed.len() >= 4 && name.starts_with(typed_lower.as_str()))
+        })
+        .min_by_key(|(distance, name)| (*distance, *name))
+        .map(|(_, name)| name)
+}
