@@ -1,0 +1,627 @@
+//! The closed loop: plan, then sense ▶ follow ▶ balance ▶ integrate, tick by tick, and record it all.
+//!
+//! ```text
+//!   plan ─▶ ┌ sensors ▶ laser ▶ controller ▶ actuators ▶ plant (n steps) ▶ monitors ┐ ─▶ verdict
+//!           └───────────────────────── one tick ◀──────────────────────────────────┘
+//! ```
+//!
+//! This is the only place where planner, dynamics and control meet. Each stage takes what it needs by
+//! reference and returns a value; the order above is the order of the calls in [`Ride::tick`].
+
+use crate::clock::SimTime;
+use crate::error::Error;
+use crate::monitor::{Edge, FallMonitor, PassivityMonitor, Verdict};
+use crate::outcome::{ExpectCheck, Metrics, RunOutcome};
+use crate::picture;
+use crate::pilot::{Pilot, PilotOutput};
+use crate::record::{
+    ControlSample, Event, LogLevel, NoticeKind, Recorder, ResultHasher, RidePhase, ScanSample, StateSample,
+};
+use crate::ride_metrics::{RideMetrics, TickFacts};
+use crate::scenario::PlantModel;
+use crate::setup::{PathSource, Setup};
+use crate::true_plant::TruePlant;
+use bikebot_dynamics::{Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Sensors, stream};
+use bikebot_geometry::{CurvePath, Pose2};
+use bikebot_planner::{Budget, Outcome, PlanReport, PlannedPath};
+
+/// |roll| (rad) and |roll rate| (rad/s) below which a standing bike counts as recovered.
+const RECOVERED: (f64, f64) = (0.5 * std::f64::consts::PI / 180.0, 0.05);
+/// How long the bike has to be at rest before the ride ends, s.
+const REST_TIME: f64 = 0.5;
+
+/// How far a run has come, for a progress display.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Progress {
+    /// A path is being planned.
+    Planning,
+    /// The bike rides.
+    Riding {
+        /// Simulated time, s.
+        time: f64,
+        /// Way covered, m.
+        distance: f64,
+        /// Length of the path, m; zero when standing.
+        length: f64,
+    },
+}
+
+/// What the caller lends to a run: a way to stop it, to watch it, and a clock.
+pub struct RunControl<'a> {
+    /// Asked at least every tenth of a simulated second and inside the planner; `true` ends the run.
+    pub stop: &'a (dyn Fn() -> bool + Sync),
+    /// Told of progress ten times per simulated second.
+    pub progress: &'a mut dyn FnMut(Progress),
+    /// Seconds since some fixed moment; only for the metrics that measure the program itself.
+    pub clock: Option<&'a dyn Fn() -> f64>,
+}
+
+/// How a run ended, with everything it measured.
+#[derive(Debug, Clone)]
+pub struct RunReport {
+    /// How it ended.
+    pub outcome: RunOutcome,
+    /// One of a closed list of reasons.
+    pub reason: String,
+    /// What was measured.
+    pub metrics: Metrics,
+    /// Each expectation of the scenario; empty where it has none.
+    pub expect: Vec<ExpectCheck>,
+    /// SHA-256 over outcome, reason and the state at each control tick, hexadecimal.
+    pub result_hash: String,
+    /// Control ticks that were run.
+    pub ticks: u64,
+    /// The plan, where one was made.
+    pub plan: Option<PlanReport>,
+}
+
+impl RunReport {
+    /// What decides the exit code: every expectation holds, or, without any, the bike arrived.
+    #[must_use]
+    pub fn passed(&self) -> bool {
+        if self.expect.is_empty() {
+            self.outcome == RunOutcome::Arrived
+        } else {
+            self.expect.iter().all(|check| check.ok)
+        }
+    }
+}
+
+/// Runs a scenario: plan, ride, record.
+///
+/// # Errors
+///
+/// [`Error`] where the question makes no sense (the start stands in an obstacle) or the recorder fails.
+/// A bike that falls or a search that ends empty is an outcome.
+pub fn run(setup: &Setup, recorder: &mut dyn Recorder, control: RunControl<'_>) -> Result<RunReport, Error> {
+    let now = || control.clock.map(|clock| clock());
+    let began = now();
+    let mut hasher = ResultHasher::new();
+    picture::scene(setup, recorder)?;
+    for warning in &setup.warnings {
+        recorder.record(SimTime::ZERO, &Event::Log { level: LogLevel::Warning, text: warning })?;
+    }
+
+    let (plan, path) = match &setup.path {
+        PathSource::Given(path) => (None, Some(path.clone())),
+        PathSource::Standing => (None, None),
+        PathSource::Planned => {
+            (control.progress)(Progress::Planning);
+            let report = plan(setup, control.stop)?;
+            let path = ridden_path(&report);
+            (Some(report), path)
+        }
+    };
+    let planned = now();
+    picture::plan(setup, plan.as_ref(), path.as_ref(), recorder)?;
+
+    let ridden = if path.is_none() && setup.path == PathSource::Planned {
+        let (outcome, reason) = without_path(plan.as_ref());
+        let kind = if outcome == RunOutcome::Interrupted { NoticeKind::Interrupted } else { NoticeKind::NoPath };
+        recorder.record(SimTime::ZERO, &Event::Notice { kind, text: &reason, value: 0.0 })?;
+        Ridden {
+            outcome,
+            reason,
+            metrics: Metrics::default(),
+            ticks: 0,
+        }
+    } else {
+        Ride::new(setup, path.as_ref())?.run(recorder, &mut hasher, control.stop, control.progress)?
+    };
+
+    let mut metrics = ridden.metrics;
+    if let (Some(began), Some(planned), Some(ended)) = (began, planned, now()) {
+        metrics.plan_time_s = plan.is_some().then_some(planned - began);
+        metrics.wall_time_s = Some(ended - began);
+        metrics.real_time_factor = metrics.time_s.map(|time| time / (ended - planned).max(1e-9));
+    }
+    hasher.text(ridden.outcome.name());
+    hasher.text(&ridden.reason);
+    let expect = setup
+        .expect
+        .as_ref()
+        .map(|expect| expect.checks(ridden.outcome, &ridden.reason, &metrics))
+        .unwrap_or_default();
+    Ok(RunReport {
+        outcome: ridden.outcome,
+        reason: ridden.reason,
+        metrics,
+        expect,
+        result_hash: hasher.finish(),
+        ticks: ridden.ticks,
+        plan,
+    })
+}
+
+/// Plans the path of a scenario and nothing else, until done or until `stop` says so.
+///
+/// # Errors
+///
+/// [`Error::Plan`] where start or goal make no sense.
+pub fn plan(setup: &Setup, stop: &(dyn Fn() -> bool + Sync)) -> Result<PlanReport, Error> {
+    let problem = setup.problem().ok_or(Error::NothingToPlan)?;
+    let cancelled = || stop().then_some(bikebot_planner::StopReason::Cancelled);
+    let budget = Budget::until(&cancelled);
+    Ok(bikebot_planner::plan(&problem, &setup.planner, setup.seed, &budget)?)
+}
+
+/// The curves of a plan, if it found any the bike can follow.
+fn ridden_path(report: &PlanReport) -> Option<CurvePath> {
+    match (&report.outcome, &report.path) {
+        (Outcome::Found, Some(PlannedPath::Curves(path))) => Some(path.clone()),
+        _ => None,
+    }
+}
+
+fn without_path(report: Option<&PlanReport>) -> (RunOutcome, String) {
+    match report {
+        Some(report) if report.outcome == Outcome::Found => (RunOutcome::NoPath, "not_rideable".to_owned()),
+        Some(report) if report.reason == bikebot_planner::Reason::Cancelled => {
+            (RunOutcome::Interrupted, "cancelled".to_owned())
+        }
+        Some(report) => (RunOutcome::NoPath, report.reason.name().to_owned()),
+        None => (RunOutcome::NoPath, "no_plan".to_owned()),
+    }
+}
+
+struct Ridden {
+    outcome: RunOutcome,
+    reason: String,
+    metrics: Metrics,
+    ticks: u64,
+}
+
+/// One ride: the true bike, everything mounted on it, and what watches it.
+struct Ride<'s> {
+    setup: &'s Setup,
+    path: Option<&'s CurvePath>,
+    plant: TruePlant,
+    state: BikeState,
+    input: BikeInput,
+    actuators: Actuators,
+    sensors: Sensors,
+    laser: Option<Laser>,
+    pilot: Pilot,
+    falls: FallMonitor,
+    passivity: PassivityMonitor,
+    metrics: RideMetrics,
+    distance: f64,
+    resting: SimTime,
+    edges: Edges,
+}
+
+/// The scanner with its own stream of chance and its rate in control ticks.
+struct Laser {
+    scanner: LaserScanner,
+    rng: rand_chacha::ChaCha8Rng,
+    every: u64,
+}
+
+#[derive(Default)]
+struct Edges {
+    saturated: Edge,
+    passivity: Edge,
+    decoupling: Edge,
+    mode_change: Edge,
+}
+
+/// What one tick leaves for the recorder and the verdict.
+struct Tick {
+    verdict: Option<Verdict>,
+    arrived: Option<(RunOutcome, &'static str)>,
+}
+
+impl<'s> Ride<'s> {
+    fn new(setup: &'s Setup, path: Option<&'s CurvePath>) -> Result<Self, Error> {
+        let plant = TruePlant::new(setup.plant, setup.true_bike.clone());
+        let state = setup.start;
+        let sensors = Sensors::new(&setup.noise, setup.bike.wheelbase, setup.control.seconds(), stream(setup.seed, "sensors"));
+        let measured = Measurement::ideal(&state, 0.0);
+        let pilot = Pilot::new(setup, path, &measured)?;
+        let laser = match (setup.laser.enabled, &setup.world) {
+            (true, Some(_)) => Some(Laser {
+                scanner: LaserScanner::new(&setup.laser),
+                rng: stream(setup.seed, "laser"),
+                every: crate::clock::Period::from_hertz(setup.laser.rate)
+                    .and_then(|scan| scan.in_steps_of(setup.control))
+                    .map_err(Error::Clock)?,
+            }),
+            _ => None,
+        };
+        Ok(Self {
+            actuators: Actuators::new(plant.params()),
+            falls: FallMonitor::new(setup.control, plant.params().friction),
+            passivity: PassivityMonitor::default(),
+            metrics: RideMetrics::new(path),
+            input: BikeInput {
+                offset: pilot.offset(),
+                ..BikeInput::default()
+            },
+            distance: 0.0,
+            resting: SimTime::ZERO,
+            edges: Edges::default(),
+            setup,
+            path,
+            plant,
+            state,
+            sensors,
+            laser,
+            pilot,
+        })
+    }
+
+    fn run(
+        mut self,
+        recorder: &mut dyn Recorder,
+        hasher: &mut ResultHasher,
+        stop: &(dyn Fn() -> bool + Sync),
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Ridden, Error> {
+        let control = self.setup.control;
+        // A tenth of a simulated second, in ticks.
+        let look_up = (100_000_000 / control.nanoseconds()).max(1);
+        let length = self.path.map_or(0.0, CurvePath::length);
+        for tick in 0u64.. {
+            let time = control.times(tick);
+            if tick % look_up == 0 {
+                if stop() {
+                    recorder.record(time, &Event::Notice { kind: NoticeKind::Interrupted, text: "stopped from outside", value: 0.0 })?;
+                    return Ok(self.ended(time, tick, RunOutcome::Interrupted, "interrupted"));
+                }
+                progress(Progress::Riding {
+                    time: time.seconds(),
+                    distance: self.distance,
+                    length,
+                });
+            }
+            hash_state(hasher, &self.state);
+            let done = self.tick(tick, time, recorder)?;
+            if let Some(verdict) = done.verdict {
+                return Ok(self.ended(time, tick, verdict.outcome, verdict.reason));
+            }
+            if let Some((outcome, reason)) = done.arrived {
+                return Ok(self.ended(time, tick, outcome, reason));
+            }
+            if time >= self.setup.duration {
+                let (outcome, reason) = self.at_the_end_of_time();
+                if outcome == RunOutcome::TimedOut {
+                    recorder.record(time, &Event::Notice { kind: NoticeKind::TimedOut, text: "the scenario's duration is over", value: time.seconds() })?;
+                }
+                return Ok(self.ended(time, tick, outcome, reason));
+            }
+        }
+        unreachable!("the ticks are counted without end, and the duration ends the run")
+    }
+
+    /// One control period.
+    fn tick(&mut self, tick: u64, time: SimTime, recorder: &mut dyn Recorder) -> Result<Tick, Error> {
+        // Sense.
+        let t = time.seconds();
+        let measured = self.sensors.measure(t, &self.state, self.actuators.steer_rate());
+        self.scan(tick, time, recorder)?;
+
+        // Follow and balance.
+        let output = match self.pilot.tick(t, &measured) {
+            Ok(output) => output,
+            Err(error) => {
+                let text = error.to_string();
+                recorder.record(time, &Event::Notice { kind: NoticeKind::ControlFailed, text: &text, value: 0.0 })?;
+                let verdict = Some(Verdict {
+                    outcome: RunOutcome::Fell,
+                    reason: "control_failed",
+                });
+                return Ok(Tick { verdict, arrived: None });
+            }
+        };
+
+        // Act, and let the world answer. The input that holds at the tick itself is what is recorded.
+        let before = self.state;
+        let saturation = self.integrate(t, &output.command, &output);
+
+        // Judge and write down.
+        let facts = self.record(time, &before, &measured, &output, saturation, recorder)?;
+        let verdict = self.judge(time, &before, facts, recorder)?;
+        Ok(Tick {
+            verdict,
+            arrived: self.at_rest(time, &output, recorder)?,
+        })
+    }
+
+    fn integrate(&mut self, t: f64, command: &Command, output: &PilotOutput) -> bikebot_dynamics::Saturation {
+        let dt = self.setup.step.seconds();
+        let steps = self.setup.control.nanoseconds() / self.setup.step.nanoseconds();
+        let mut saturation = bikebot_dynamics::Saturation::default();
+        for step in 0..steps {
+            let applied = self.actuators.apply(command, self.state.steer, self.state.balancer_rate, dt);
+            saturation = saturation.or(applied.saturation);
+            let input = BikeInput {
+                drive_force: applied.drive_force,
+                steer_rate: applied.steer_rate,
+                balancer_torque: applied.balancer_torque,
+                offset: output.offset,
+                ..BikeInput::default()
+            };
+            if step == 0 {
+                self.input = input;
+            }
+            self.state = self.plant.step(t + step as f64 * dt, &self.state, &input, dt);
+        }
+        saturation
+    }
+
+    fn scan(&mut self, tick: u64, time: SimTime, recorder: &mut dyn Recorder) -> Result<(), Error> {
+        let (Some(laser), Some(world)) = (&mut self.laser, &self.setup.world) else {
+            return Ok(());
+        };
+        if tick % laser.every == 0 {
+            let scan = laser.scanner.scan(world, &self.state.pose, self.state.roll, &mut laser.rng);
+            recorder.record(
+                time,
+                &Event::Scan(ScanSample {
+                    start_angle: scan.angle_min,
+                    angle_step: scan.angle_step,
+                    ranges: &scan.ranges,
+                }),
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Writes one tick down; returns the clearance and the contact forces it found on the way.
+    fn record(
+        &mut self,
+        time: SimTime,
+        state: &BikeState,
+        measured: &Measurement,
+        output: &PilotOutput,
+        saturation: bikebot_dynamics::Saturation,
+        recorder: &mut dyn Recorder,
+    ) -> Result<Facts, Error> {
+        let plant = &self.plant;
+        let input = self.input;
+        let contact = plant.contact(state, &input);
+        let acceleration = plant.accelerations(state, &input);
+        let yaw_rate = plant.yaw_rate(state);
+        let clearance = self
+            .setup
+            .world
+            .as_ref()
+            .filter(|_| self.path.is_some())
+            .map(|world| world.footprint_clearance(&self.setup.footprint, &state.pose));
+        let lateral_error = output.true_lateral_error;
+        let friction = plant.params().friction;
+        let rear_error = self.metrics.add(
+            &TickFacts {
+                state,
+                yaw_rate,
+                contact: contact.as_ref(),
+                friction,
+                balancer_torque: input.balancer_torque,
+                lateral_error,
+                followed_point: output.true_followed_point,
+                clearance,
+                decoupling: output.decoupling,
+                fallback: output.fallback,
+            },
+            self.path,
+        );
+        let distance = self.distance;
+        self.distance += (self.state.pose.position - state.pose.position).norm();
+
+        let sample = StateSample {
+            x_m: state.pose.position.x,
+            y_m: state.pose.position.y,
+            heading_rad: state.pose.heading,
+            steer_rad: state.steer,
+            roll_rad: state.roll,
+            balancer_rad: state.balancer,
+            speed_mps: state.speed,
+            yaw_rate_radps: yaw_rate,
+            roll_rate_radps: state.roll_rate,
+            balancer_rate_radps: state.balancer_rate,
+            steer_rate_radps: input.steer_rate,
+            acceleration_mps2: acceleration.speed,
+            yaw_acceleration_radps2: acceleration.yaw,
+            roll_acceleration_radps2: acceleration.roll,
+            balancer_acceleration_radps2: acceleration.balancer,
+            curvature_per_m: plant.curvature(state),
+            distance_m: distance,
+            balancer_offset_m: input.offset.d,
+            drive_force_n: input.drive_force,
+            balancer_torque_nm: input.balancer_torque,
+            roll_moment_nm: input.roll_moment,
+            slope_force_n: input.slope_force,
+            rear_lateral_force_n: contact.map_or(f64::NAN, |c| c.rear_lateral),
+            front_lateral_force_n: contact.map_or(f64::NAN, |c| c.front_normal),
+            rear_load_n: contact.map_or(f64::NAN, |c| c.rear_load),
+            front_load_n: contact.map_or(f64::NAN, |c| c.front_load),
+            friction_use_rear: contact.map_or(f64::NAN, |c| c.friction_use_rear(friction)),
+            friction_use_front: contact.map_or(f64::NAN, |c| c.friction_use_front(friction)),
+            energy_j: plant.energy(state, &input),
+            clearance_m: clearance.unwrap_or(f64::NAN),
+        };
+        recorder.record(time, &Event::State(&sample))?;
+
+        let excess = output
+            .energy
+            .and_then(|account| self.passivity.check(&account, self.setup.control.seconds()));
+        let mut control = output.sample;
+        control.drive_saturated = saturation.drive_force;
+        control.steer_saturated = saturation.steer_rate || saturation.steer_stop;
+        control.balancer_saturated = saturation.balancer_torque || saturation.balancer_speed;
+        control.rear_error_m = rear_error.unwrap_or(f64::NAN);
+        control.lateral_error_m = lateral_error.unwrap_or(f64::NAN);
+        control.passivity_excess_j = excess.unwrap_or(0.0);
+        with_measurement(&mut control, measured);
+        recorder.record(time, &Event::Control(&control))?;
+
+        let mut notice = |edge: bool, kind, text: &str, value: f64| {
+            if edge { recorder.record(time, &Event::Notice { kind, text, value }) } else { Ok(()) }
+        };
+        notice(
+            self.edges.saturated.rises(control.balancer_saturated),
+            NoticeKind::Saturated,
+            "the balancer's torque or speed is at its limit",
+            input.balancer_torque,
+        )?;
+        notice(
+            self.edges.passivity.rises(excess.is_some()),
+            NoticeKind::Passivity,
+            "the follower stored energy that nobody supplied",
+            excess.unwrap_or(0.0),
+        )?;
+        notice(
+            self.edges.decoupling.rises(output.fallback),
+            NoticeKind::Decoupling,
+            "the balance law is near its singularity and its guard took over",
+            output.decoupling.unwrap_or(0.0),
+        )?;
+        notice(
+            self.edges.mode_change.rises(output.offset.rate != 0.0),
+            NoticeKind::ModeChange,
+            "the balancer's offset is being shifted",
+            output.offset.d,
+        )?;
+        Ok(Facts { contact, clearance })
+    }
+
+    fn judge(&mut self, time: SimTime, state: &BikeState, facts: Facts, recorder: &mut dyn Recorder) -> Result<Option<Verdict>, Error> {
+        let verdict = self.falls.judge(state, facts.contact.as_ref()).or_else(|| {
+            // The next state has to be finite before anything else looks at it.
+            (!self.state.is_finite()).then_some(Verdict {
+                outcome: RunOutcome::Fell,
+                reason: "not_finite",
+            })
+        });
+        let verdict = verdict.or_else(|| {
+            facts.clearance.is_some_and(|clearance| clearance < 0.0).then_some(Verdict {
+                outcome: RunOutcome::Collided,
+                reason: "obstacle",
+            })
+        });
+        if let Some(verdict) = verdict {
+            let (kind, text, value) = match verdict.reason {
+                "slip" => (NoticeKind::Slip, "a tyre slipped", f64::NAN),
+                "wheel_lift" => (NoticeKind::WheelLift, "a wheel left the ground", f64::NAN),
+                "not_finite" => (NoticeKind::NonFinite, "the state is not finite", f64::NAN),
+                "obstacle" => (NoticeKind::Collision, "the outline met an obstacle", facts.clearance.unwrap_or(f64::NAN)),
+                _ => (NoticeKind::Fell, "the bike fell", state.roll),
+            };
+            recorder.record(time, &Event::Notice { kind, text, value })?;
+        }
+        Ok(verdict)
+    }
+
+    /// The ride is over when the bike has stood still and upright for a while.
+    fn at_rest(&mut self, time: SimTime, output: &PilotOutput, recorder: &mut dyn Recorder) -> Result<Option<(RunOutcome, &'static str)>, Error> {
+        if self.path.is_none() || !output.at_rest {
+            self.resting = SimTime::ZERO;
+            return Ok(None);
+        }
+        self.resting = self.resting + self.setup.control;
+        if self.resting < SimTime::from_seconds(REST_TIME) {
+            return Ok(None);
+        }
+        let Some(goal) = self.target() else { return Ok(None) };
+        let error = (self.state.pose.position - goal.0.position).norm();
+        if error <= goal.1 {
+            recorder.record(time, &Event::Notice { kind: NoticeKind::GoalReached, text: "at rest at the goal", value: error })?;
+            Ok(Some((RunOutcome::Arrived, "at_goal")))
+        } else {
+            Ok(Some((RunOutcome::Stopped, "short_of_goal")))
+        }
+    }
+
+    /// The pose to come to rest at, and how far from it is near enough.
+    fn target(&self) -> Option<(Pose2, f64)> {
+        let end = self.path?.end_pose();
+        let position = self.setup.goal.map_or(end.position, |goal| goal.position);
+        Some((
+            Pose2 {
+                position,
+                heading: end.heading,
+            },
+            self.setup.goal_tolerance,
+        ))
+    }
+
+    fn at_the_end_of_time(&self) -> (RunOutcome, &'static str) {
+        if self.setup.plant != PlantModel::TwoLink {
+            return (RunOutcome::TimedOut, "duration");
+        }
+        let (roll, rate) = RECOVERED;
+        if self.state.roll.abs() < roll && self.state.roll_rate.abs() < rate {
+            (RunOutcome::Arrived, "recovered")
+        } else {
+            (RunOutcome::TimedOut, "not_recovered")
+        }
+    }
+
+    fn ended(self, time: SimTime, ticks: u64, outcome: RunOutcome, reason: &str) -> Ridden {
+        let at_rest = matches!(outcome, RunOutcome::Arrived | RunOutcome::Stopped)
+            .then(|| self.target())
+            .flatten()
+            .map(|(target, _)| {
+                let free = self.setup.goal.is_some_and(|goal| goal.heading.is_none());
+                (&self.state.pose, target.position, (!free).then_some(target.heading))
+            });
+        let passivity = self.path.map(|_| self.passivity.violations());
+        Ridden {
+            outcome,
+            reason: reason.to_owned(),
+            metrics: self.metrics.finish(time.seconds(), at_rest, passivity),
+            ticks,
+        }
+    }
+}
+
+struct Facts {
+    contact: Option<bikebot_dynamics::ContactForces>,
+    clearance: Option<f64>,
+}
+
+fn with_measurement(sample: &mut ControlSample, measured: &Measurement) {
+    sample.measured_x_m = measured.pose.position.x;
+    sample.measured_y_m = measured.pose.position.y;
+    sample.measured_heading_rad = measured.pose.heading;
+    sample.measured_speed_mps = measured.speed;
+    sample.measured_steer_rad = measured.steer;
+    sample.measured_roll_rad = measured.roll;
+    sample.measured_roll_rate_radps = measured.roll_rate;
+    sample.measured_balancer_rad = measured.balancer;
+    sample.measured_balancer_rate_radps = measured.balancer_rate;
+}
+
+fn hash_state(hasher: &mut ResultHasher, state: &BikeState) {
+    hasher.numbers(&[
+        state.pose.position.x,
+        state.pose.position.y,
+        state.pose.heading,
+        state.steer,
+        state.roll,
+        state.balancer,
+        state.speed,
+        state.roll_rate,
+        state.balancer_rate,
+    ]);
+}

@@ -1,0 +1,176 @@
+//! What is watched at each tick, whatever the controller believes: friction, wheel loads, roll,
+//! clearance, passivity, decoupling, finiteness. All of it is judged on the true state.
+
+use crate::clock::{Period, SimTime};
+use crate::outcome::RunOutcome;
+use bikebot_control::AugmentedEnergy;
+use bikebot_dynamics::{BikeState, ContactForces};
+
+/// |roll| at which the bike counts as fallen, rad.
+pub const FALL_ROLL: f64 = 0.7;
+/// How long the friction may be exceeded before it counts as a slip, s.
+pub const SLIP_TIME: f64 = 0.020;
+/// How long a wheel may be off the ground, s.
+pub const WHEEL_LIFT_TIME: f64 = 0.050;
+
+/// Why the ride cannot go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Verdict {
+    /// How it ended.
+    pub outcome: RunOutcome,
+    /// One of a closed list: `roll`, `slip`, `wheel_lift`, `obstacle`, `not_finite`.
+    pub reason: &'static str,
+}
+
+/// Watches the contact forces for slip and wheel lift, and the state for a fall.
+#[derive(Debug, Clone)]
+pub struct FallMonitor {
+    tick: Period,
+    friction: f64,
+    slipping: SimTime,
+    lifted: SimTime,
+}
+
+impl FallMonitor {
+    /// A monitor called once per `tick`, for tyres with friction coefficient `friction`.
+    #[must_use]
+    pub fn new(tick: Period, friction: f64) -> Self {
+        Self {
+            tick,
+            friction,
+            slipping: SimTime::ZERO,
+            lifted: SimTime::ZERO,
+        }
+    }
+
+    /// Judges one tick; `None` while the ride may go on.
+    pub fn judge(&mut self, state: &BikeState, contact: Option<&ContactForces>) -> Option<Verdict> {
+        let fell = |reason| {
+            Some(Verdict {
+                outcome: RunOutcome::Fell,
+                reason,
+            })
+        };
+        if !state.is_finite() {
+            return fell("not_finite");
+        }
+        if state.roll.abs() > FALL_ROLL {
+            return fell("roll");
+        }
+        let contact = contact?;
+        let on_ground = contact.both_wheels_down();
+        // Without load there is no friction to exceed: a lifted wheel is judged as that.
+        let slips = on_ground
+            && (contact.friction_use_rear(self.friction) > 1.0 || contact.friction_use_front(self.friction) > 1.0);
+        self.slipping = if slips { self.slipping + self.tick } else { SimTime::ZERO };
+        self.lifted = if on_ground { SimTime::ZERO } else { self.lifted + self.tick };
+        if self.lifted >= SimTime::from_seconds(WHEEL_LIFT_TIME) {
+            return fell("wheel_lift");
+        }
+        if self.slipping >= SimTime::from_seconds(SLIP_TIME) {
+            return fell("slip");
+        }
+        None
+    }
+}
+
+/// Holds the augmented system of the path follower to its energy account.
+///
+/// The coupling of passive velocity field control does no work, so the stored energy may rise
+/// only by what the environment supplies and what the energy regulator (or its tank) injects.
+#[derive(Debug, Clone, Default)]
+pub struct PassivityMonitor {
+    violations: u64,
+}
+
+impl PassivityMonitor {
+    /// Checks the account of one tick of `dt` seconds; `Some(excess)` in J where energy came from nowhere.
+    pub fn check(&mut self, account: &AugmentedEnergy, dt: f64) -> Option<f64> {
+        let excess = account.unexplained(dt);
+        // Written so that an account that is not a number is a violation, too.
+        if excess <= 0.0 {
+            return None;
+        }
+        self.violations += 1;
+        Some(excess)
+    }
+
+    /// Ticks that violated the account.
+    #[must_use]
+    pub fn violations(&self) -> u64 {
+        self.violations
+    }
+}
+
+/// Turns a condition into its first occurrence, so that a recording holds an event and not a stream.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Edge(bool);
+
+impl Edge {
+    /// True in the tick in which `condition` becomes true.
+    pub fn rises(&mut self, condition: bool) -> bool {
+        let rises = condition && !self.0;
+        self.0 = condition;
+        rises
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bikebot_geometry::Pose2;
+
+    fn forces(front_load: f64, front_normal: f64) -> ContactForces {
+        ContactForces {
+            drive: 0.0,
+            rear_lateral: 0.0,
+            front_normal,
+            rear_load: 300.0,
+            front_load,
+        }
+    }
+
+    fn monitor() -> FallMonitor {
+        FallMonitor::new(Period::from_seconds(0.005).expect("a whole number of nanoseconds"), 0.7)
+    }
+
+    fn upright() -> BikeState {
+        BikeState::upright(Pose2::new(0.0, 0.0, 0.0), 1.0)
+    }
+
+    #[test]
+    fn a_slip_is_judged_after_twenty_milliseconds_and_not_before() {
+        let mut monitor = monitor();
+        let slip = forces(100.0, 71.0);
+        for _ in 0..3 {
+            assert_eq!(monitor.judge(&upright(), Some(&slip)), None);
+        }
+        assert_eq!(monitor.judge(&upright(), Some(&slip)).map(|verdict| verdict.reason), Some("slip"));
+    }
+
+    #[test]
+    fn a_short_slip_is_forgiven() {
+        let mut monitor = monitor();
+        for _ in 0..20 {
+            for force in [71.0, 71.0, 71.0, 69.0] {
+                assert_eq!(monitor.judge(&upright(), Some(&forces(100.0, force))), None);
+            }
+        }
+    }
+
+    #[test]
+    fn a_lifted_wheel_is_judged_after_fifty_milliseconds() {
+        let mut monitor = monitor();
+        let lifted = forces(-1.0, 0.0);
+        let verdicts: Vec<_> = (0..10).map(|_| monitor.judge(&upright(), Some(&lifted))).collect();
+        assert!(verdicts[..9].iter().all(Option::is_none));
+        assert_eq!(verdicts[9].map(|verdict| verdict.reason), Some("wheel_lift"));
+    }
+
+    #[test]
+    fn a_state_that_is_not_finite_is_a_fall_at_once() {
+        let mut state = upright();
+        state.roll_rate = f64::NAN;
+        assert_eq!(monitor().judge(&state, None).map(|verdict| verdict.reason), Some("not_finite"));
+    }
+}

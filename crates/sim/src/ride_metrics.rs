@@ -1,0 +1,172 @@
+//! Gathers the metrics of a ride, tick by tick, from the true state.
+
+use crate::outcome::Metrics;
+use bikebot_dynamics::{BikeState, ContactForces};
+use bikebot_geometry::{CurvePath, Point2, Pose2};
+
+/// The error of the followed point counts from here on, m of way.
+const ERROR_FROM: f64 = 1.0;
+/// The sharpest corner is looked for farther than this from both ends, m.
+const CORNER_MARGIN: f64 = 1.5;
+/// Spacing at which the path is searched for its sharpest corner, m.
+const CORNER_STEP: f64 = 0.01;
+
+/// What one tick contributes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TickFacts<'a> {
+    pub state: &'a BikeState,
+    pub yaw_rate: f64,
+    pub contact: Option<&'a ContactForces>,
+    pub friction: f64,
+    pub balancer_torque: f64,
+    /// True followed point's distance from the followed curve, m; signed, positive to the left.
+    pub lateral_error: Option<f64>,
+    /// The true followed point and its distance ahead of the rear contact.
+    pub followed_point: Option<(Point2, f64)>,
+    pub clearance: Option<f64>,
+    pub decoupling: Option<f64>,
+    pub fallback: bool,
+}
+
+/// The running extremes and sums of a ride.
+#[derive(Debug, Clone)]
+pub(crate) struct RideMetrics {
+    metrics: Metrics,
+    has_contact: bool,
+    distance: f64,
+    last_position: Option<Point2>,
+    error_sum: f64,
+    error_count: u64,
+    torque_sum: f64,
+    ticks: u64,
+    corner: Option<f64>,
+    corner_speed: Option<f64>,
+    /// Progress of the rear contact and of the followed point along the planned path, m.
+    rear_s: f64,
+    front_s: f64,
+}
+
+impl RideMetrics {
+    pub fn new(path: Option<&CurvePath>) -> Self {
+        let corner = path.and_then(sharpest_corner);
+        Self {
+            metrics: Metrics {
+                max_path_curvature_per_m: path.map(CurvePath::max_curvature),
+                ..Metrics::default()
+            },
+            has_contact: false,
+            distance: 0.0,
+            last_position: None,
+            error_sum: 0.0,
+            error_count: 0,
+            torque_sum: 0.0,
+            ticks: 0,
+            corner,
+            corner_speed: None,
+            rear_s: 0.0,
+            front_s: 0.0,
+        }
+    }
+
+    /// Adds one tick; returns the rear contact's distance from the planned path, m.
+    pub fn add(&mut self, facts: &TickFacts<'_>, path: Option<&CurvePath>) -> Option<f64> {
+        let state = facts.state;
+        self.ticks += 1;
+        if let Some(last) = self.last_position {
+            self.distance += (state.pose.position - last).norm();
+        }
+        self.last_position = Some(state.pose.position);
+        self.torque_sum += facts.balancer_torque.powi(2);
+
+        let m = &mut self.metrics;
+        raise(&mut m.roll_max_deg, state.roll.abs().to_degrees());
+        raise(&mut m.balancer_torque_max_nm, facts.balancer_torque.abs());
+        raise(&mut m.balancer_speed_max_radps, state.balancer_rate.abs());
+        raise(&mut m.balancer_angle_max_rad, state.balancer.abs());
+        raise(&mut m.speed_max_mps, state.speed);
+        if let Some(contact) = facts.contact {
+            self.has_contact = true;
+            raise(&mut m.friction_use_rear_max, contact.friction_use_rear(facts.friction));
+            raise(&mut m.friction_use_front_max, contact.friction_use_front(facts.friction));
+            lower(&mut m.wheel_load_min_n, contact.rear_load.min(contact.front_load));
+        }
+        if let Some(clearance) = facts.clearance {
+            lower(&mut m.min_clearance_m, clearance);
+        }
+        if let Some(decoupling) = facts.decoupling {
+            lower(&mut m.decoupling_margin_min, decoupling.abs());
+            *m.balance_fallbacks.get_or_insert(0) += u64::from(facts.fallback);
+        }
+        if let Some(error) = facts.lateral_error.filter(|_| self.distance >= ERROR_FROM) {
+            raise(&mut m.lateral_error_max_m, error.abs());
+            self.error_sum += error * error;
+            self.error_count += 1;
+        }
+        let path = path?;
+        self.corner_speed(facts, path);
+        let rear = path.project(state.pose.position, self.rear_s - 0.5, self.rear_s + 1.0);
+        self.rear_s = rear.s;
+        if self.rear_s > 0.0 && self.rear_s < path.length() {
+            raise(&mut self.metrics.rear_error_max_m, rear.distance);
+        }
+        Some(rear.distance)
+    }
+
+    fn corner_speed(&mut self, facts: &TickFacts<'_>, path: &CurvePath) {
+        let (Some(corner), Some((point, ahead))) = (self.corner, facts.followed_point) else {
+            return;
+        };
+        let before = self.front_s;
+        self.front_s = path.project(point, before - 0.5, before + 1.0).s;
+        if before < corner && self.front_s >= corner && self.corner_speed.is_none() {
+            self.corner_speed = Some(facts.state.speed.hypot(ahead * facts.yaw_rate));
+        }
+    }
+
+    /// Where the sharpest corner lies is decided by the planned path alone, so the errors at its end are
+    /// taken from the state at rest.
+    pub fn finish(mut self, time: f64, at_rest: Option<(&Pose2, Point2, Option<f64>)>, passivity: Option<u64>) -> Metrics {
+        let m = &mut self.metrics;
+        m.time_s = Some(time);
+        if self.ticks > 0 {
+            m.balancer_torque_rms_nm = Some((self.torque_sum / self.ticks as f64).sqrt());
+        }
+        m.distance_m = Some(self.distance);
+        if self.error_count > 0 {
+            m.lateral_error_rms_m = Some((self.error_sum / self.error_count as f64).sqrt());
+        }
+        m.corner_speed_mps = self.corner_speed;
+        m.passivity_violations = passivity;
+        if let Some((pose, goal, heading)) = at_rest {
+            m.end_position_error_m = Some((pose.position - goal).norm());
+            m.end_heading_error_deg =
+                heading.map(|heading| bikebot_geometry::angle::difference(pose.heading, heading).abs().to_degrees());
+        }
+        self.metrics
+    }
+}
+
+/// Arc length of the largest |curvature| away from the ends, m; `None` on a path too short to have one.
+fn sharpest_corner(path: &CurvePath) -> Option<f64> {
+    let (from, to) = (CORNER_MARGIN, path.length() - CORNER_MARGIN);
+    let steps = ((to - from) / CORNER_STEP).floor();
+    if steps < 1.0 {
+        return None;
+    }
+    (0..=steps as usize)
+        .map(|i| path.at(from + CORNER_STEP * i as f64))
+        // The first of equals, so that the answer does not depend on the order of comparison.
+        .fold(None, |best: Option<(f64, f64)>, point| match best {
+            Some((_, curvature)) if curvature >= point.curvature.abs() => best,
+            _ => Some((point.s, point.curvature.abs())),
+        })
+        .map(|(s, _)| s)
+}
+
+fn raise(metric: &mut Option<f64>, value: f64) {
+    *metric = Some(metric.map_or(value, |found| found.max(value)));
+}
+
+fn lower(metric: &mut Option<f64>, value: f64) {
+    *metric = Some(metric.map_or(value, |found| found.min(value)));
+}

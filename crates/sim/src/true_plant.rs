@@ -1,0 +1,143 @@
+//! The simulated truth: one state, moved by whichever model the scenario names.
+
+use crate::scenario::PlantModel;
+use bikebot_dynamics::{
+    Bike, BikeAcceleration, BikeInput, BikeParams, BikeState, ContactForces, Integrator, Kinematic, KinematicInput,
+    KinematicState, Plant, Rk4, TwoLink, TwoLinkInput, TwoLinkState,
+};
+
+/// The true bike.
+///
+/// Every model shares [`BikeState`]; what a model does not move stays as it is: the two-link model
+/// stands still, the kinematic one neither rolls nor has a balancer.
+#[derive(Debug, Clone)]
+pub struct TruePlant {
+    model: PlantModel,
+    bike: Bike,
+}
+
+impl TruePlant {
+    /// The bike with its true parameters, moved by `model`.
+    #[must_use]
+    pub fn new(model: PlantModel, params: BikeParams) -> Self {
+        Self {
+            model,
+            bike: Bike::new(params),
+        }
+    }
+
+    /// The true parameters.
+    #[must_use]
+    pub fn params(&self) -> &BikeParams {
+        &self.bike.params
+    }
+
+    /// The state `dt` seconds after `state` at time `t` (s), by one Runge–Kutta step under a held input.
+    #[must_use]
+    pub fn step(&self, t: f64, state: &BikeState, input: &BikeInput, dt: f64) -> BikeState {
+        match self.model {
+            PlantModel::Bike3d => Rk4.step(&self.bike, t, state, input, dt),
+            PlantModel::TwoLink => {
+                let plant = TwoLink::new(self.params(), input.offset);
+                let moved = Rk4.step(&plant, t, &TwoLinkState::from(state), &two_link_input(input), dt);
+                BikeState {
+                    roll: moved.roll,
+                    balancer: moved.balancer,
+                    roll_rate: moved.roll_rate,
+                    balancer_rate: moved.balancer_rate,
+                    ..*state
+                }
+            }
+            PlantModel::Kinematic => {
+                let plant = Kinematic {
+                    wheelbase: self.params().wheelbase,
+                };
+                let from = KinematicState {
+                    pose: state.pose,
+                    steer: state.steer,
+                    speed: state.speed,
+                };
+                let input = KinematicInput {
+                    acceleration: self.kinematic_acceleration(input),
+                    steer_rate: input.steer_rate,
+                };
+                let moved = Rk4.step(&plant, t, &from, &input, dt);
+                BikeState {
+                    pose: moved.pose,
+                    steer: moved.steer,
+                    speed: moved.speed,
+                    ..*state
+                }
+            }
+        }
+    }
+
+    /// Accelerations in this state under this input.
+    #[must_use]
+    pub fn accelerations(&self, state: &BikeState, input: &BikeInput) -> BikeAcceleration {
+        match self.model {
+            PlantModel::Bike3d => self.bike.accelerations(state, input),
+            PlantModel::TwoLink => {
+                let plant = TwoLink::new(self.params(), input.offset);
+                let second = plant.accelerations(&TwoLinkState::from(state), &two_link_input(input));
+                BikeAcceleration {
+                    speed: 0.0,
+                    yaw: 0.0,
+                    roll: second[0],
+                    balancer: second[1],
+                }
+            }
+            PlantModel::Kinematic => {
+                let speed = self.kinematic_acceleration(input);
+                let curvature = self.bike.curvature(state.steer);
+                let cos = state.steer.cos();
+                BikeAcceleration {
+                    speed,
+                    yaw: curvature * speed
+                        + state.speed * input.steer_rate / (self.params().wheelbase * cos * cos),
+                    roll: 0.0,
+                    balancer: 0.0,
+                }
+            }
+        }
+    }
+
+    /// Contact forces; only the 3D bike has them.
+    #[must_use]
+    pub fn contact(&self, state: &BikeState, input: &BikeInput) -> Option<ContactForces> {
+        (self.model == PlantModel::Bike3d).then(|| self.bike.contact_forces(state, input))
+    }
+
+    /// Yaw rate, rad/s.
+    #[must_use]
+    pub fn yaw_rate(&self, state: &BikeState) -> f64 {
+        self.bike.yaw_rate(state)
+    }
+
+    /// Curvature of the rear contact's way at this steering angle, 1/m.
+    #[must_use]
+    pub fn curvature(&self, state: &BikeState) -> f64 {
+        self.bike.curvature(state.steer)
+    }
+
+    /// Mechanical energy, J; not defined for the kinematic model.
+    #[must_use]
+    pub fn energy(&self, state: &BikeState, input: &BikeInput) -> f64 {
+        match self.model {
+            PlantModel::Bike3d => self.bike.energy(state, &input.offset),
+            PlantModel::TwoLink => TwoLink::new(self.params(), input.offset).energy(&TwoLinkState::from(state)),
+            PlantModel::Kinematic => f64::NAN,
+        }
+    }
+
+    fn kinematic_acceleration(&self, input: &BikeInput) -> f64 {
+        (input.drive_force + input.slope_force) / self.params().mass()
+    }
+}
+
+fn two_link_input(input: &BikeInput) -> TwoLinkInput {
+    TwoLinkInput {
+        balancer_torque: input.balancer_torque,
+        roll_moment: input.roll_moment,
+    }
+}
