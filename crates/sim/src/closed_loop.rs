@@ -8,6 +8,7 @@
 //! This is the only place where planner, dynamics and control meet. Each stage takes what it needs by
 //! reference and returns a value; the order above is the order of the calls in [`Ride::tick`].
 
+use crate::chance::{Component, stream};
 use crate::clock::SimTime;
 use crate::error::Error;
 use crate::monitor::{Edge, FallMonitor, PassivityMonitor, Verdict};
@@ -21,7 +22,7 @@ use crate::ride_metrics::{RideMetrics, TickFacts};
 use crate::scenario::PlantModel;
 use crate::setup::{PathSource, Setup};
 use crate::true_plant::TruePlant;
-use bikebot_dynamics::{Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Sensors, stream};
+use bikebot_dynamics::{Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Saturation, Sensors};
 use bikebot_geometry::{CurvePath, Pose2};
 use bikebot_planner::{Budget, Outcome, PlanReport, PlannedPath};
 
@@ -135,8 +136,6 @@ pub fn run(setup: &Setup, recorder: &mut dyn Recorder, control: RunControl<'_>) 
         metrics.wall_time_s = Some(ended - began);
         metrics.real_time_factor = metrics.time_s.map(|time| time / (ended - planned).max(1e-9));
     }
-    hasher.text(ridden.outcome.name());
-    hasher.text(&ridden.reason);
     let expect = setup
         .expect
         .as_ref()
@@ -144,10 +143,10 @@ pub fn run(setup: &Setup, recorder: &mut dyn Recorder, control: RunControl<'_>) 
         .unwrap_or_default();
     Ok(RunReport {
         outcome: ridden.outcome,
+        result_hash: hasher.finish(ridden.outcome.name(), &ridden.reason),
         reason: ridden.reason,
         metrics,
         expect,
-        result_hash: hasher.finish(),
         ticks: ridden.ticks,
         plan,
     })
@@ -235,13 +234,13 @@ impl<'s> Ride<'s> {
     fn new(setup: &'s Setup, path: Option<&'s CurvePath>) -> Result<Self, Error> {
         let plant = TruePlant::new(setup.plant, setup.true_bike.clone());
         let state = setup.start;
-        let sensors = Sensors::new(&setup.noise, setup.bike.wheelbase, setup.control.seconds(), stream(setup.seed, "sensors"));
+        let sensors = Sensors::new(&setup.noise, &setup.bike, setup.control.seconds(), stream(setup.seed, Component::Sensors));
         let measured = Measurement::ideal(&state, 0.0);
         let pilot = Pilot::new(setup, path, &measured)?;
         let laser = match (setup.laser.enabled, &setup.world) {
             (true, Some(_)) => Some(Laser {
                 scanner: LaserScanner::new(&setup.laser),
-                rng: stream(setup.seed, "laser"),
+                rng: stream(setup.seed, Component::Laser),
                 every: crate::clock::Period::from_hertz(setup.laser.rate)
                     .and_then(|scan| scan.in_steps_of(setup.control))
                     .map_err(Error::Clock)?,
@@ -347,10 +346,10 @@ impl<'s> Ride<'s> {
         })
     }
 
-    fn integrate(&mut self, t: f64, command: &Command, output: &PilotOutput) -> bikebot_dynamics::Saturation {
+    fn integrate(&mut self, t: f64, command: &Command, output: &PilotOutput) -> Saturation {
         let dt = self.setup.step.seconds();
         let steps = self.setup.control.nanoseconds() / self.setup.step.nanoseconds();
-        let mut saturation = bikebot_dynamics::Saturation::default();
+        let mut saturation = Saturation::default();
         for step in 0..steps {
             let applied = self.actuators.apply(command, self.state.steer, self.state.balancer_rate, dt);
             saturation = saturation.or(applied.saturation);
@@ -394,7 +393,7 @@ impl<'s> Ride<'s> {
         state: &BikeState,
         measured: &Measurement,
         output: &PilotOutput,
-        saturation: bikebot_dynamics::Saturation,
+        saturation: Saturation,
         recorder: &mut dyn Recorder,
     ) -> Result<Facts, Error> {
         let plant = &self.plant;
@@ -613,7 +612,7 @@ fn with_measurement(sample: &mut ControlSample, measured: &Measurement) {
 }
 
 fn hash_state(hasher: &mut ResultHasher, state: &BikeState) {
-    hasher.numbers(&[
+    hasher.values(&[
         state.pose.position.x,
         state.pose.position.y,
         state.pose.heading,

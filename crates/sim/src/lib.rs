@@ -1,4 +1,35 @@
-//! Scenario, closed loop, recorder, sweeps.
+//! Scenario, closed loop, recorder, sweeps: the room where planner, dynamics and control meet.
+//!
+//! ```text
+//! text ─▶ ScenarioFile ─▶ Setup ─▶ run ─▶ RunReport
+//!                                   └──▶ Recorder (events)
+//! ```
+//!
+//! [`scenario::ScenarioFile`] is what was written, [`setup::Setup`] what it means, and
+//! [`closed_loop::run`] plays it. Nothing here opens a file, prints, or reads a clock: the caller
+//! lends what is needed.
 
+mod chance;
 pub mod clock;
+pub mod closed_loop;
+mod error;
+pub mod monitor;
+pub mod outcome;
+pub mod path_file;
+mod picture;
+mod pilot;
 pub mod record;
+mod ride_metrics;
+pub mod scenario;
+pub mod setup;
+pub mod sweep;
+pub mod true_plant;
+
+pub use closed_loop::{Progress, RunControl, RunReport, plan, run};
+pub use error::Error;
+pub use outcome::{Expect, ExpectCheck, Metrics, RunOutcome};
+pub use scenario::{Override, Scenario, ScenarioError, ScenarioFile, json_schema};
+pub use setup::{Setup, SetupError};
+
+/// Version of the program, as written into recordings.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");

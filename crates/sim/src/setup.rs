@@ -4,6 +4,7 @@
 
 use crate::clock::{ClockError, Period, SimTime};
 use crate::outcome::Expect;
+use crate::record::RecordOptions;
 use crate::path_file::{self, PathFileError};
 use crate::scenario::{PathSection, PlantModel, Scenario, ScenarioError, ScenarioFile};
 use bikebot_control::{BalanceParams, FollowParams};
@@ -109,6 +110,8 @@ pub struct Setup {
     pub control: Period,
     /// End of the run.
     pub duration: SimTime,
+    /// How densely to record.
+    pub record: RecordOptions,
     /// What the run has to show.
     pub expect: Option<Expect>,
     /// The scenario as TOML, overrides applied.
@@ -197,6 +200,7 @@ impl Resolver<'_> {
             step,
             control,
             duration: SimTime::from_seconds(scenario.run.duration_s),
+            record: scenario.record.clone(),
             expect: scenario.expect.clone(),
             scenario_text: self.file.text_after_overrides(),
             overridden: self.file.overridden().to_vec(),

@@ -363,6 +363,7 @@ impl Scenario {
             plant: Default::default(),
             noise: Default::default(),
             run: Default::default(),
+            record: Default::default(),
             expect: None,
         }
     }

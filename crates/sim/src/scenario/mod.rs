@@ -16,6 +16,7 @@ pub use document::{Explained, Origin, Override, ScenarioError, ScenarioFile};
 pub use schema::json_schema;
 
 use crate::outcome::Expect;
+use crate::record::RecordOptions;
 use bikebot_control::{BalanceParams, FollowParams};
 use bikebot_dynamics::{BalancerMode, BikeParams, LaserParams, SensorParams};
 use bikebot_planner::PlannerParams;
@@ -72,6 +73,9 @@ pub struct Scenario {
     /// Duration and seed.
     #[serde(default)]
     pub run: RunSection,
+    /// How densely the run is recorded.
+    #[serde(default)]
+    pub record: RecordOptions,
     /// What the run has to show; the verdict is part of the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<Expect>,
