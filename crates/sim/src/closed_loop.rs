@@ -407,7 +407,8 @@ impl<'s> Ride<'s> {
             .as_ref()
             .filter(|_| self.path.is_some())
             .map(|world| world.footprint_clearance(&self.setup.footprint, &state.pose));
-        let lateral_error = output.true_lateral_error;
+        let following = self.pilot.true_following(state);
+        let lateral_error = following.map(|following| following.lateral_error);
         let friction = plant.params().friction;
         let rear_error = self.metrics.add(
             &TickFacts {
@@ -417,7 +418,7 @@ impl<'s> Ride<'s> {
                 friction,
                 balancer_torque: input.balancer_torque,
                 lateral_error,
-                followed_point: output.true_followed_point,
+                followed_point: following.map(|following| (following.point, following.look_ahead)),
                 clearance,
                 decoupling: output.decoupling,
                 fallback: output.fallback,

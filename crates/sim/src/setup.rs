@@ -595,6 +595,13 @@ impl Resolver<'_> {
         }
         let mut changes: Vec<ScheduledModeChange> = Vec::new();
         for (index, change) in section.mode_change.iter().enumerate() {
+            if self.scenario.plant.model == PlantModel::TwoLink {
+                return self.refuse(
+                    &format!("bike.mode_change.{index}"),
+                    "`plant.model` = \"two_link\" balances in one mode and knows no mode change",
+                    "remove [[bike.mode_change]], or choose plant.model = \"bike3d\"",
+                );
+            }
             let condition = section.params.mode_change_is_possible();
             if !condition.is_met() {
                 return self.refuse(

@@ -1,0 +1,190 @@
+//! Whoever holds the handlebar: the ride controller on a path, or the balance law alone.
+
+use crate::error::Error;
+use crate::record::{ControlSample, RidePhase};
+use crate::setup::{ScheduledModeChange, Setup};
+use bikebot_control::{AugmentedEnergy, BalanceController, ControlError, Phase, RideController};
+use bikebot_dynamics::{BikeState, Command, Measurement, Offset, TwoLinkState};
+use bikebot_geometry::{CurvePath, Point2};
+
+/// How far along the followed curve the true followed point may move between two looks, m.
+const PROJECTION_REACH: f64 = 0.5;
+
+/// One controller, as the loop sees it.
+#[derive(Debug, Clone)]
+pub(crate) struct Pilot {
+    kind: Kind,
+    offset: Offset,
+    changes: Vec<ScheduledModeChange>,
+    next_change: usize,
+}
+
+#[derive(Debug, Clone)]
+enum Kind {
+    Rider {
+        controller: Box<RideController>,
+        look_ahead: f64,
+        /// Arc length of the true followed point on the followed curve, m.
+        true_s: f64,
+    },
+    Balancer(Box<BalanceController>),
+}
+
+/// The answer of one tick.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PilotOutput {
+    pub command: Command,
+    pub offset: Offset,
+    /// D/D_upright of the balance law.
+    pub decoupling: Option<f64>,
+    pub fallback: bool,
+    pub energy: Option<AugmentedEnergy>,
+    pub at_rest: bool,
+    /// What of this the recording shows.
+    pub sample: ControlSample,
+}
+
+/// Where the bike's followed point really is, whatever the sensors said.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TrueFollowing {
+    /// Distance from the followed curve, m, positive to the left.
+    pub lateral_error: f64,
+    pub point: Point2,
+    /// ℓ, m.
+    pub look_ahead: f64,
+}
+
+impl Pilot {
+    pub fn new(setup: &Setup, path: Option<&CurvePath>, start: &Measurement) -> Result<Self, Error> {
+        let period = setup.control.seconds();
+        let offset = Offset {
+            d: setup.bike.offset(setup.mode),
+            rate: 0.0,
+            acceleration: 0.0,
+        };
+        let kind = match path {
+            Some(path) => {
+                let controller =
+                    RideController::new(&setup.bike, setup.mode, &setup.follow, &setup.balance, path, start, period)?;
+                Kind::Rider {
+                    controller: Box::new(controller),
+                    look_ahead: setup.follow.look_ahead,
+                    true_s: 0.0,
+                }
+            }
+            None => Kind::Balancer(Box::new(BalanceController::new(&setup.bike, setup.mode, &setup.balance, period)?)),
+        };
+        Ok(Self {
+            kind,
+            offset,
+            changes: setup.mode_changes.clone(),
+            next_change: 0,
+        })
+    }
+
+    /// Offset of the balancer's centre of gravity commanded now.
+    pub fn offset(&self) -> Offset {
+        self.offset
+    }
+
+    pub fn tick(&mut self, t: f64, measured: &Measurement) -> Result<PilotOutput, ControlError> {
+        match &mut self.kind {
+            Kind::Rider { controller, .. } => {
+                if let Some(change) = self.changes.get(self.next_change).filter(|change| t >= change.time) {
+                    controller.request_mode(change.mode, change.duration)?;
+                    self.next_change += 1;
+                }
+                let output = controller.tick(measured)?;
+                self.offset = output.offset;
+                let path = controller.followed_path();
+                let reference = path.sample(output.virtual_time);
+                let sample = ControlSample {
+                    drive_force_command_n: output.command.drive_force,
+                    steer_rate_command_radps: output.command.steer_rate,
+                    balancer_torque_command_nm: output.command.balancer_torque,
+                    balancer_offset_command_m: output.offset.d,
+                    fallback: output.fallback,
+                    phase: match output.phase {
+                        Phase::Start => RidePhase::Start,
+                        Phase::Cruise => RidePhase::Cruise,
+                        Phase::Brake => RidePhase::Brake,
+                        Phase::Hold => RidePhase::Hold,
+                    },
+                    followed_x_m: output.followed_point.x,
+                    followed_y_m: output.followed_point.y,
+                    desired_x_m: output.desired_point.x,
+                    desired_y_m: output.desired_point.y,
+                    path_s_m: output.virtual_time,
+                    path_curvature_per_m: reference.curvature,
+                    speed_reference_mps: reference.speed,
+                    speed_error_mps: output.followed_speed - reference.speed,
+                    roll_reference_rad: output.lean_reference,
+                    balance_output: output.balance.output,
+                    decoupling_ratio: output.decoupling,
+                    roll_moment_estimate_nm: output.balance.moment_estimate,
+                    drive_force_estimate_n: output.drive_estimate,
+                    stored_energy_j: output.energy.stored,
+                    supplied_power_w: output.energy.supplied_power,
+                    regulator_power_w: output.energy.regulator_power,
+                    energy_bound_j: output.energy.error_bound,
+                    ..ControlSample::default()
+                };
+                Ok(PilotOutput {
+                    command: output.command,
+                    offset: output.offset,
+                    decoupling: Some(output.decoupling),
+                    fallback: output.fallback,
+                    energy: Some(output.energy),
+                    at_rest: output.at_rest,
+                    sample,
+                })
+            }
+            Kind::Balancer(controller) => {
+                let output = controller.torque(&TwoLinkState::from(measured));
+                let sample = ControlSample {
+                    balancer_torque_command_nm: output.torque,
+                    balancer_offset_command_m: self.offset.d,
+                    fallback: output.fallback,
+                    phase: RidePhase::Hold,
+                    balance_output: output.output,
+                    decoupling_ratio: output.decoupling,
+                    roll_moment_estimate_nm: output.moment_estimate,
+                    ..ControlSample::default()
+                };
+                Ok(PilotOutput {
+                    command: Command {
+                        drive_force: 0.0,
+                        steer_rate: 0.0,
+                        balancer_torque: output.torque,
+                    },
+                    offset: self.offset,
+                    decoupling: Some(output.decoupling),
+                    fallback: output.fallback,
+                    energy: None,
+                    at_rest: false,
+                    sample,
+                })
+            }
+        }
+    }
+
+    /// Where the true followed point is, from the true state.
+    pub fn true_following(&mut self, state: &BikeState) -> Option<TrueFollowing> {
+        let Kind::Rider {
+            controller,
+            look_ahead,
+            true_s,
+        } = &mut self.kind
+        else {
+            return None;
+        };
+        let point = state.pose.position + state.pose.direction() * *look_ahead;
+        let projection = controller.followed_path().project(point, *true_s, PROJECTION_REACH);
+        *true_s = projection.s;
+        Some(TrueFollowing {
+            lateral_error: projection.lateral,
+            point,
+            look_ahead: *look_ahead,
+        })
+    }
+}

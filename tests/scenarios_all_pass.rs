@@ -1,0 +1,35 @@
+//! Every shipped scenario resolves, runs, and meets its own expectations.
+
+mod common;
+
+fn shipped(folder: &str) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(common::root().join("scenarios").join(folder))
+        .expect("the scenarios")
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".toml"))
+        .map(|name| if folder.is_empty() { name } else { format!("{folder}/{name}") })
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn each_ride_meets_its_expectations() {
+    let names = shipped("");
+    assert!(names.len() >= 6, "{names:?}");
+    for name in names {
+        let (report, _) = common::ride(&name, &[]);
+        assert!(!report.expect.is_empty(), "{name} expects nothing");
+        assert!(report.passed(), "{name}: {} ({}): {:#?}", report.outcome, report.reason, report.expect);
+    }
+}
+
+#[test]
+fn each_planning_scene_resolves() {
+    let names = shipped("planning");
+    assert_eq!(names.len(), 6, "{names:?}");
+    for name in names {
+        let setup = common::setup(&name, &[]);
+        assert!(setup.problem().is_some(), "{name} has no planning problem");
+    }
+}
