@@ -16,7 +16,7 @@ use crate::outcome::{ExpectCheck, Metrics, RunOutcome};
 use crate::picture;
 use crate::pilot::{Pilot, PilotOutput};
 use crate::record::{
-    ControlSample, Event, LogLevel, NoticeKind, Recorder, ResultHasher, RidePhase, ScanSample, StateSample,
+    ControlSample, Event, LogLevel, NoticeKind, Recorder, ResultHasher, ScanSample, StateSample,
 };
 use crate::ride_metrics::{RideMetrics, TickFacts};
 use crate::scenario::PlantModel;
@@ -178,8 +178,16 @@ fn without_path(report: Option<&PlanReport>) -> (RunOutcome, String) {
         Some(report) if report.reason == bikebot_planner::Reason::Cancelled => {
             (RunOutcome::Interrupted, "cancelled".to_owned())
         }
-        Some(report) => (RunOutcome::NoPath, report.reason.name().to_owned()),
+        Some(report) => (RunOutcome::NoPath, reason_name(report.reason)),
         None => (RunOutcome::NoPath, "no_plan".to_owned()),
+    }
+}
+
+/// The planner's reason in the words of `plan --json`.
+fn reason_name(reason: bikebot_planner::Reason) -> String {
+    match serde_json::to_value(reason) {
+        Ok(serde_json::Value::String(name)) => name,
+        _ => "no_path".to_owned(),
     }
 }
 
@@ -239,7 +247,7 @@ impl<'s> Ride<'s> {
         let pilot = Pilot::new(setup, path, &measured)?;
         let laser = match (setup.laser.enabled, &setup.world) {
             (true, Some(_)) => Some(Laser {
-                scanner: LaserScanner::new(&setup.laser),
+                scanner: LaserScanner::new(&setup.laser)?,
                 rng: stream(setup.seed, Component::Laser),
                 every: crate::clock::Period::from_hertz(setup.laser.rate)
                     .and_then(|scan| scan.in_steps_of(setup.control))

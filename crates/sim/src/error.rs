@@ -3,6 +3,7 @@
 use crate::clock::ClockError;
 use crate::record::RecordError;
 use bikebot_control::ControlError;
+use bikebot_dynamics::DynamicsError;
 use bikebot_planner::PlanError;
 
 /// Why a run could not be carried out. A fall or an empty search is not among them: see
@@ -15,6 +16,9 @@ pub enum Error {
     /// The controller refuses the bike, the path or the gains.
     #[error(transparent)]
     Control(#[from] ControlError),
+    /// The laser or the bike refuses its parameters.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
     /// The recording could not be written.
     #[error(transparent)]
     Record(#[from] RecordError),

@@ -33,14 +33,14 @@ pub(crate) fn scene(setup: &Setup, recorder: &mut dyn Recorder) -> Result<(), Re
     let shapes: Vec<Shape> = world.obstacles().iter().map(shape).collect();
     let cells: Vec<CellState> = world
         .grid()
-        .map(|grid| grid.cells().iter().map(|cell| cell_state(*cell)).collect())
+        .map(|grid| grid.cells.iter().map(|cell| cell_state(*cell)).collect())
         .unwrap_or_default();
     let grid = world.grid().map(|grid| GridSample {
-        width: grid.width(),
-        height: grid.height(),
-        resolution: grid.resolution(),
-        origin: [grid.origin().position.x, grid.origin().position.y],
-        yaw: grid.origin().heading,
+        width: grid.width,
+        height: grid.height,
+        resolution: grid.resolution,
+        origin: [grid.origin.position.x, grid.origin.position.y],
+        yaw: grid.origin.heading,
         cells: &cells,
     });
     recorder.record(
@@ -159,5 +159,11 @@ fn outline(footprint: &Footprint) -> Vec<[f64; 2]> {
             [*front, *half_width],
             [*rear, *half_width],
         ],
+        // Outlines added to `world` later are drawn as the discs that cover them.
+        other => other
+            .discs()
+            .iter()
+            .flat_map(|disc| arc(disc.offset, disc.radius, -PI, PI).skip(1))
+            .collect(),
     }
 }

@@ -8,7 +8,7 @@ use crate::record::RecordOptions;
 use crate::path_file::{self, PathFileError};
 use crate::scenario::{PathSection, PlantModel, Scenario, ScenarioError, ScenarioFile};
 use bikebot_control::{BalanceParams, FollowParams};
-use bikebot_dynamics::{BalancerMode, BikeParams, BikeState, LaserParams, SensorParams};
+use bikebot_dynamics::{BalancerMode, BikeParams, BikeState, LaserParams, LaserScanner, SensorParams};
 use bikebot_geometry::{CurvePath, FergusonCurve, GeometryError, Point2, Pose2};
 use bikebot_planner::{EndPose, GoalMode, GoalRegion, PlannerParams, PlanningProblem};
 use bikebot_world::formats::{self, MapError, MapOptions};
@@ -238,6 +238,9 @@ impl Resolver<'_> {
         }
         let laser = &self.scenario.laser;
         if laser.enabled {
+            if let Err(error) = LaserScanner::new(laser) {
+                return self.refuse("laser", format!("[laser]: {error}"), "see the keys of [laser] in `bikebot schema`");
+            }
             let divides = Period::from_hertz(laser.rate).is_ok_and(|scan| scan.in_steps_of(control).is_ok());
             if !divides {
                 return self.refuse(

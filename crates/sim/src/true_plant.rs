@@ -3,7 +3,7 @@
 use crate::scenario::PlantModel;
 use bikebot_dynamics::{
     Bike, BikeAcceleration, BikeInput, BikeParams, BikeState, ContactForces, Integrator, Kinematic, KinematicInput,
-    KinematicState, Plant, Rk4, TwoLink, TwoLinkInput, TwoLinkState,
+    KinematicState, Rk4, TwoLink, TwoLinkInput, TwoLinkState,
 };
 
 /// The true bike.

@@ -12,6 +12,7 @@ mod document;
 mod schema;
 mod schema_check;
 
+pub(crate) use document::to_table;
 pub use document::{Explained, Origin, Override, ScenarioError, ScenarioFile};
 pub use schema::json_schema;
 
