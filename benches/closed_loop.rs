@@ -16,8 +16,10 @@ fn setup(name: &str, overrides: &[Override]) -> Setup {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenarios");
     let text = std::fs::read_to_string(folder.join(name)).expect("a shipped scenario");
     let file = ScenarioFile::parse(&text, overrides).expect("a valid scenario");
-    Setup::resolve(&file, &mut |name| std::fs::read(folder.join(name)).map_err(|error| error.to_string()))
-        .expect("a scenario that resolves")
+    Setup::resolve(&file, &mut |name| {
+        std::fs::read(folder.join(name)).map_err(|error| error.to_string())
+    })
+    .expect("a scenario that resolves")
 }
 
 fn play(setup: &Setup) -> String {
@@ -38,13 +40,21 @@ fn closed_loop(c: &mut Criterion) {
         b.iter(|| {
             let mut state = BikeState::upright(Pose2::new(0.0, 0.0, 0.0), 1.0);
             for step in 0..400 {
-                state = Rk4.step(&bike, f64::from(step) * 0.0025, &state, black_box(&input), 0.0025);
+                state = Rk4.step(
+                    &bike,
+                    f64::from(step) * 0.0025,
+                    &state,
+                    black_box(&input),
+                    0.0025,
+                );
             }
             state
         });
     });
     let one_second = setup("course.toml", &[Override::new("run.duration_s", 1.0)]);
-    group.bench_function("one_simulated_second", |b| b.iter(|| play(black_box(&one_second))));
+    group.bench_function("one_simulated_second", |b| {
+        b.iter(|| play(black_box(&one_second)))
+    });
     group.finish();
 
     let mut group = c.benchmark_group("whole_run");

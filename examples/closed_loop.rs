@@ -21,7 +21,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // ANCHOR: run
     let file = ScenarioFile::parse(SCENARIO, &[])?;
     // This scenario names no files; one that does gets them from here.
-    let setup = Setup::resolve(&file, &mut |name| std::fs::read(name).map_err(|error| error.to_string()))?;
+    let setup = Setup::resolve(&file, &mut |name| {
+        std::fs::read(name).map_err(|error| error.to_string())
+    })?;
     let mut trace = Trace::default();
     let control = RunControl {
         stop: &|| false,

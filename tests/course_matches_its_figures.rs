@@ -62,6 +62,9 @@ fn without_preview_the_flywheel_works_nine_times_as_hard() {
 
 #[test]
 fn without_preview_balancer_mode_falls() {
-    let (report, _) = common::ride("course.toml", &["bike.mode=\"balancer\"", "balance.preview=false"]);
+    let (report, _) = common::ride(
+        "course.toml",
+        &["bike.mode=\"balancer\"", "balance.preview=false"],
+    );
     assert_eq!(report.outcome, RunOutcome::Fell, "{}", report.reason);
 }

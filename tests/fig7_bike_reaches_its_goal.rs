@@ -28,10 +28,18 @@ fn twenty_rides(scenario: &str) {
             && m.passivity_violations == Some(0)
             && least(m.min_clearance_m, 0.0);
         if !ok {
-            failures.push(format!("seed {seed}: {} ({}) {m:?}", report.outcome, report.reason));
+            failures.push(format!(
+                "seed {seed}: {} ({}) {m:?}",
+                report.outcome, report.reason
+            ));
         }
     }
-    assert!(failures.is_empty(), "{} of 20 rides of {scenario}:\n{}", failures.len(), failures.join("\n"));
+    assert!(
+        failures.is_empty(),
+        "{} of 20 rides of {scenario}:\n{}",
+        failures.len(),
+        failures.join("\n")
+    );
 }
 
 #[test]

@@ -8,37 +8,108 @@ use std::path::Path;
 /// Crate, and the crates of ours and the third-party room-mates it may name.
 const ALLOWED: [(&str, &[&str]); 7] = [
     ("geometry", &["nalgebra"]),
-    ("world", &["bikebot-geometry", "nalgebra", "parry2d-f64", "png", "serde", "serde_json", "thiserror"]),
+    (
+        "world",
+        &[
+            "bikebot-geometry",
+            "nalgebra",
+            "parry2d-f64",
+            "png",
+            "serde",
+            "serde_json",
+            "thiserror",
+        ],
+    ),
     (
         "planner",
-        &["bikebot-geometry", "bikebot-world", "nalgebra", "rand", "rand_chacha", "serde", "schemars", "thiserror"],
+        &[
+            "bikebot-geometry",
+            "bikebot-world",
+            "nalgebra",
+            "rand",
+            "rand_chacha",
+            "serde",
+            "schemars",
+            "thiserror",
+        ],
     ),
     (
         "dynamics",
-        &["bikebot-geometry", "bikebot-world", "nalgebra", "rand", "rand_chacha", "serde", "schemars", "thiserror"],
+        &[
+            "bikebot-geometry",
+            "bikebot-world",
+            "nalgebra",
+            "rand",
+            "rand_chacha",
+            "serde",
+            "schemars",
+            "thiserror",
+        ],
     ),
-    ("control", &["bikebot-geometry", "bikebot-dynamics", "nalgebra", "serde", "schemars", "thiserror"]),
+    (
+        "control",
+        &[
+            "bikebot-geometry",
+            "bikebot-dynamics",
+            "nalgebra",
+            "serde",
+            "schemars",
+            "thiserror",
+        ],
+    ),
     (
         "sim",
         &[
-            "bikebot-geometry", "bikebot-world", "bikebot-planner", "bikebot-dynamics", "bikebot-control", "nalgebra",
-            "rand", "rand_chacha", "rayon", "serde", "serde_json", "schemars", "strsim", "toml", "foxglove", "mcap",
-            "sha2", "thiserror",
+            "bikebot-geometry",
+            "bikebot-world",
+            "bikebot-planner",
+            "bikebot-dynamics",
+            "bikebot-control",
+            "nalgebra",
+            "rand",
+            "rand_chacha",
+            "rayon",
+            "serde",
+            "serde_json",
+            "schemars",
+            "strsim",
+            "toml",
+            "foxglove",
+            "mcap",
+            "sha2",
+            "thiserror",
         ],
     ),
     (
         "cli",
         &[
-            "bikebot-geometry", "bikebot-world", "bikebot-planner", "bikebot-dynamics", "bikebot-sim",
-            "annotate-snippets", "clap", "clap_complete", "ctrlc", "indicatif", "serde", "serde_json", "tempfile",
-            "thiserror", "toml", "tracing", "tracing-subscriber",
+            "bikebot-geometry",
+            "bikebot-world",
+            "bikebot-planner",
+            "bikebot-dynamics",
+            "bikebot-sim",
+            "annotate-snippets",
+            "clap",
+            "clap_complete",
+            "ctrlc",
+            "indicatif",
+            "serde",
+            "serde_json",
+            "tempfile",
+            "thiserror",
+            "toml",
+            "tracing",
+            "tracing-subscriber",
         ],
     ),
 ];
 
 /// Names in the `[dependencies]` section of a crate's manifest.
 fn dependencies(name: &str) -> BTreeSet<String> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates").join(name).join("Cargo.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("crates")
+        .join(name)
+        .join("Cargo.toml");
     let text = std::fs::read_to_string(&path).expect("each room has a manifest");
     let section = text.split("\n[dependencies]").nth(1).unwrap_or_default();
     let section = section.split("\n[").next().unwrap_or_default();
@@ -54,9 +125,15 @@ fn dependencies(name: &str) -> BTreeSet<String> {
 fn each_room_uses_only_what_the_drawing_allows() {
     for (name, allowed) in ALLOWED {
         let found = dependencies(name);
-        assert!(!found.is_empty(), "crate {name} has no dependencies: was its manifest read?");
+        assert!(
+            !found.is_empty(),
+            "crate {name} has no dependencies: was its manifest read?"
+        );
         for dependency in found {
-            assert!(allowed.contains(&dependency.as_str()), "crate {name} may not use {dependency}");
+            assert!(
+                allowed.contains(&dependency.as_str()),
+                "crate {name} may not use {dependency}"
+            );
         }
     }
 }
@@ -67,7 +144,10 @@ fn every_crate_is_in_the_drawing() {
     for entry in std::fs::read_dir(crates).expect("the crates' folder") {
         let name = entry.expect("an entry").file_name();
         let name = name.to_string_lossy();
-        assert!(ALLOWED.iter().any(|(known, _)| *known == name), "crate {name} is missing from the drawing");
+        assert!(
+            ALLOWED.iter().any(|(known, _)| *known == name),
+            "crate {name} is missing from the drawing"
+        );
     }
 }
 
@@ -82,7 +162,12 @@ fn parry_is_named_in_one_file_only() {
             } else if path.extension().is_some_and(|ending| ending == "rs") {
                 let text = std::fs::read_to_string(&path).expect("source text");
                 if text.contains("parry2d_f64") {
-                    found.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+                    found.push(
+                        path.file_name()
+                            .unwrap_or_default()
+                            .to_string_lossy()
+                            .into_owned(),
+                    );
                 }
             }
         }

@@ -17,7 +17,8 @@ fn record(scenario: &str, overrides: &[&str]) -> (Vec<u8>, String) {
         ..RunInfo::default()
     };
     let mut recorder =
-        McapRecorder::begin(Cursor::new(Vec::new()), &info, &RecordOptions::default()).expect("memory takes it");
+        McapRecorder::begin(Cursor::new(Vec::new()), &info, &RecordOptions::default())
+            .expect("memory takes it");
     let report = common::play(&setup, &mut recorder);
     let result = ResultInfo {
         outcome: report.outcome.name().to_owned(),

@@ -7,7 +7,13 @@ fn shipped(folder: &str) -> Vec<String> {
         .expect("the scenarios")
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
         .filter(|name| name.ends_with(".toml"))
-        .map(|name| if folder.is_empty() { name } else { format!("{folder}/{name}") })
+        .map(|name| {
+            if folder.is_empty() {
+                name
+            } else {
+                format!("{folder}/{name}")
+            }
+        })
         .collect();
     names.sort();
     names
@@ -20,7 +26,13 @@ fn each_ride_meets_its_expectations() {
     for name in names {
         let (report, _) = common::ride(&name, &[]);
         assert!(!report.expect.is_empty(), "{name} expects nothing");
-        assert!(report.passed(), "{name}: {} ({}): {:#?}", report.outcome, report.reason, report.expect);
+        assert!(
+            report.passed(),
+            "{name}: {} ({}): {:#?}",
+            report.outcome,
+            report.reason,
+            report.expect
+        );
     }
 }
 

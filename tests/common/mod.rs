@@ -13,11 +13,17 @@ pub fn root() -> PathBuf {
 pub fn setup(name: &str, overrides: &[&str]) -> Setup {
     let path = root().join("scenarios").join(name);
     let text = std::fs::read_to_string(&path).expect("a shipped scenario");
-    let overrides: Vec<Override> = overrides.iter().map(|text| text.parse().expect("key=value")).collect();
-    let file = ScenarioFile::parse(&text, &overrides).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let overrides: Vec<Override> = overrides
+        .iter()
+        .map(|text| text.parse().expect("key=value"))
+        .collect();
+    let file =
+        ScenarioFile::parse(&text, &overrides).unwrap_or_else(|error| panic!("{name}: {error}"));
     let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-    Setup::resolve(&file, &mut |name| std::fs::read(folder.join(name)).map_err(|error| error.to_string()))
-        .unwrap_or_else(|error| panic!("{name}: {error}"))
+    Setup::resolve(&file, &mut |name| {
+        std::fs::read(folder.join(name)).map_err(|error| error.to_string())
+    })
+    .unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 /// Plays a setup into a recorder.
@@ -31,7 +37,10 @@ pub fn play(setup: &Setup, recorder: &mut dyn Recorder) -> RunReport {
 }
 
 /// Plays a shipped scenario; the report and everything that happened.
-#[allow(dead_code, reason = "each test crate uses its own share of this module")]
+#[allow(
+    dead_code,
+    reason = "each test crate uses its own share of this module"
+)]
 pub fn ride(name: &str, overrides: &[&str]) -> (RunReport, Trace) {
     let setup = setup(name, overrides);
     let mut trace = Trace::default();

@@ -22,7 +22,9 @@ use crate::ride_metrics::{RideMetrics, TickFacts};
 use crate::scenario::PlantModel;
 use crate::setup::{PathSource, Setup};
 use crate::true_plant::TruePlant;
-use bikebot_dynamics::{Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Saturation, Sensors};
+use bikebot_dynamics::{
+    Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Saturation, Sensors,
+};
 use bikebot_geometry::{CurvePath, Pose2};
 use bikebot_planner::{Budget, Outcome, PlanReport, PlannedPath};
 
@@ -94,13 +96,23 @@ impl RunReport {
 ///
 /// [`Error`] where the question makes no sense (the start stands in an obstacle) or the recorder fails.
 /// A bike that falls or a search that ends empty is an outcome.
-pub fn run(setup: &Setup, recorder: &mut dyn Recorder, control: RunControl<'_>) -> Result<RunReport, Error> {
+pub fn run(
+    setup: &Setup,
+    recorder: &mut dyn Recorder,
+    control: RunControl<'_>,
+) -> Result<RunReport, Error> {
     let now = || control.clock.map(|clock| clock());
     let began = now();
     let mut hasher = ResultHasher::new();
     picture::scene(setup, recorder)?;
     for warning in &setup.warnings {
-        recorder.record(SimTime::ZERO, &Event::Log { level: LogLevel::Warning, text: warning })?;
+        recorder.record(
+            SimTime::ZERO,
+            &Event::Log {
+                level: LogLevel::Warning,
+                text: warning,
+            },
+        )?;
     }
 
     let (plan, path) = match &setup.path {
@@ -118,8 +130,19 @@ pub fn run(setup: &Setup, recorder: &mut dyn Recorder, control: RunControl<'_>) 
 
     let ridden = if path.is_none() && setup.path == PathSource::Planned {
         let (outcome, reason) = without_path(plan.as_ref());
-        let kind = if outcome == RunOutcome::Interrupted { NoticeKind::Interrupted } else { NoticeKind::NoPath };
-        recorder.record(SimTime::ZERO, &Event::Notice { kind, text: &reason, value: 0.0 })?;
+        let kind = if outcome == RunOutcome::Interrupted {
+            NoticeKind::Interrupted
+        } else {
+            NoticeKind::NoPath
+        };
+        recorder.record(
+            SimTime::ZERO,
+            &Event::Notice {
+                kind,
+                text: &reason,
+                value: 0.0,
+            },
+        )?;
         Ridden {
             outcome,
             reason,
@@ -127,14 +150,21 @@ pub fn run(setup: &Setup, recorder: &mut dyn Recorder, control: RunControl<'_>) 
             ticks: 0,
         }
     } else {
-        Ride::new(setup, path.as_ref())?.run(recorder, &mut hasher, control.stop, control.progress)?
+        Ride::new(setup, path.as_ref())?.run(
+            recorder,
+            &mut hasher,
+            control.stop,
+            control.progress,
+        )?
     };
 
     let mut metrics = ridden.metrics;
     if let (Some(began), Some(planned), Some(ended)) = (began, planned, now()) {
         metrics.plan_time_s = plan.is_some().then_some(planned - began);
         metrics.wall_time_s = Some(ended - began);
-        metrics.real_time_factor = metrics.time_s.map(|time| time / (ended - planned).max(1e-9));
+        metrics.real_time_factor = metrics
+            .time_s
+            .map(|time| time / (ended - planned).max(1e-9));
     }
     let expect = setup
         .expect
@@ -161,7 +191,12 @@ pub fn plan(setup: &Setup, stop: &(dyn Fn() -> bool + Sync)) -> Result<PlanRepor
     let problem = setup.problem().ok_or(Error::NothingToPlan)?;
     let cancelled = || stop().then_some(bikebot_planner::StopReason::Cancelled);
     let budget = Budget::until(&cancelled);
-    Ok(bikebot_planner::plan(&problem, &setup.planner, setup.seed, &budget)?)
+    Ok(bikebot_planner::plan(
+        &problem,
+        &setup.planner,
+        setup.seed,
+        &budget,
+    )?)
 }
 
 /// The curves of a plan, if it found any the bike can follow.
@@ -174,7 +209,9 @@ fn ridden_path(report: &PlanReport) -> Option<CurvePath> {
 
 fn without_path(report: Option<&PlanReport>) -> (RunOutcome, String) {
     match report {
-        Some(report) if report.outcome == Outcome::Found => (RunOutcome::NoPath, "not_rideable".to_owned()),
+        Some(report) if report.outcome == Outcome::Found => {
+            (RunOutcome::NoPath, "not_rideable".to_owned())
+        }
         Some(report) if report.reason == bikebot_planner::Reason::Cancelled => {
             (RunOutcome::Interrupted, "cancelled".to_owned())
         }
@@ -242,7 +279,12 @@ impl<'s> Ride<'s> {
     fn new(setup: &'s Setup, path: Option<&'s CurvePath>) -> Result<Self, Error> {
         let plant = TruePlant::new(setup.plant, setup.true_bike.clone());
         let state = setup.start;
-        let sensors = Sensors::new(&setup.noise, &setup.bike, setup.control.seconds(), stream(setup.seed, Component::Sensors));
+        let sensors = Sensors::new(
+            &setup.noise,
+            &setup.bike,
+            setup.control.seconds(),
+            stream(setup.seed, Component::Sensors),
+        );
         let measured = Measurement::ideal(&state, 0.0);
         let pilot = Pilot::new(setup, path, &measured)?;
         let laser = match (setup.laser.enabled, &setup.world) {
@@ -292,7 +334,14 @@ impl<'s> Ride<'s> {
             let time = control.times(tick);
             if tick % look_up == 0 {
                 if stop() {
-                    recorder.record(time, &Event::Notice { kind: NoticeKind::Interrupted, text: "stopped from outside", value: 0.0 })?;
+                    recorder.record(
+                        time,
+                        &Event::Notice {
+                            kind: NoticeKind::Interrupted,
+                            text: "stopped from outside",
+                            value: 0.0,
+                        },
+                    )?;
                     return Ok(self.ended(time, tick, RunOutcome::Interrupted, "interrupted"));
                 }
                 progress(Progress::Riding {
@@ -312,7 +361,14 @@ impl<'s> Ride<'s> {
             if time >= self.setup.duration {
                 let (outcome, reason) = self.at_the_end_of_time();
                 if outcome == RunOutcome::TimedOut {
-                    recorder.record(time, &Event::Notice { kind: NoticeKind::TimedOut, text: "the scenario's duration is over", value: time.seconds() })?;
+                    recorder.record(
+                        time,
+                        &Event::Notice {
+                            kind: NoticeKind::TimedOut,
+                            text: "the scenario's duration is over",
+                            value: time.seconds(),
+                        },
+                    )?;
                 }
                 return Ok(self.ended(time, tick, outcome, reason));
             }
@@ -321,10 +377,17 @@ impl<'s> Ride<'s> {
     }
 
     /// One control period.
-    fn tick(&mut self, tick: u64, time: SimTime, recorder: &mut dyn Recorder) -> Result<Tick, Error> {
+    fn tick(
+        &mut self,
+        tick: u64,
+        time: SimTime,
+        recorder: &mut dyn Recorder,
+    ) -> Result<Tick, Error> {
         // Sense.
         let t = time.seconds();
-        let measured = self.sensors.measure(t, &self.state, self.actuators.steer_rate());
+        let measured = self
+            .sensors
+            .measure(t, &self.state, self.actuators.steer_rate());
         self.scan(tick, time, recorder)?;
 
         // Follow and balance.
@@ -332,12 +395,22 @@ impl<'s> Ride<'s> {
             Ok(output) => output,
             Err(error) => {
                 let text = error.to_string();
-                recorder.record(time, &Event::Notice { kind: NoticeKind::ControlFailed, text: &text, value: 0.0 })?;
+                recorder.record(
+                    time,
+                    &Event::Notice {
+                        kind: NoticeKind::ControlFailed,
+                        text: &text,
+                        value: 0.0,
+                    },
+                )?;
                 let verdict = Some(Verdict {
                     outcome: RunOutcome::Fell,
                     reason: "control_failed",
                 });
-                return Ok(Tick { verdict, arrived: None });
+                return Ok(Tick {
+                    verdict,
+                    arrived: None,
+                });
             }
         };
 
@@ -359,7 +432,9 @@ impl<'s> Ride<'s> {
         let steps = self.setup.control.nanoseconds() / self.setup.step.nanoseconds();
         let mut saturation = Saturation::default();
         for step in 0..steps {
-            let applied = self.actuators.apply(command, self.state.steer, self.state.balancer_rate, dt);
+            let applied =
+                self.actuators
+                    .apply(command, self.state.steer, self.state.balancer_rate, dt);
             saturation = saturation.or(applied.saturation);
             let input = BikeInput {
                 drive_force: applied.drive_force,
@@ -371,7 +446,9 @@ impl<'s> Ride<'s> {
             if step == 0 {
                 self.input = input;
             }
-            self.state = self.plant.step(t + step as f64 * dt, &self.state, &input, dt);
+            self.state = self
+                .plant
+                .step(t + step as f64 * dt, &self.state, &input, dt);
         }
         saturation
     }
@@ -381,7 +458,9 @@ impl<'s> Ride<'s> {
             return Ok(());
         };
         if tick % laser.every == 0 {
-            let scan = laser.scanner.scan(world, &self.state.pose, self.state.roll, &mut laser.rng);
+            let scan = laser
+                .scanner
+                .scan(world, &self.state.pose, self.state.roll, &mut laser.rng);
             recorder.record(
                 time,
                 &Event::Scan(ScanSample {
@@ -484,7 +563,11 @@ impl<'s> Ride<'s> {
         recorder.record(time, &Event::Control(&control))?;
 
         let mut notice = |edge: bool, kind, text: &str, value: f64| {
-            if edge { recorder.record(time, &Event::Notice { kind, text, value }) } else { Ok(()) }
+            if edge {
+                recorder.record(time, &Event::Notice { kind, text, value })
+            } else {
+                Ok(())
+            }
         };
         notice(
             self.edges.saturated.rises(control.balancer_saturated),
@@ -513,7 +596,13 @@ impl<'s> Ride<'s> {
         Ok(Facts { contact, clearance })
     }
 
-    fn judge(&mut self, time: SimTime, state: &BikeState, facts: Facts, recorder: &mut dyn Recorder) -> Result<Option<Verdict>, Error> {
+    fn judge(
+        &mut self,
+        time: SimTime,
+        state: &BikeState,
+        facts: Facts,
+        recorder: &mut dyn Recorder,
+    ) -> Result<Option<Verdict>, Error> {
         let verdict = self.falls.judge(state, facts.contact.as_ref()).or_else(|| {
             // The next state has to be finite before anything else looks at it.
             (!self.state.is_finite()).then_some(Verdict {
@@ -522,17 +611,24 @@ impl<'s> Ride<'s> {
             })
         });
         let verdict = verdict.or_else(|| {
-            facts.clearance.is_some_and(|clearance| clearance < 0.0).then_some(Verdict {
-                outcome: RunOutcome::Collided,
-                reason: "obstacle",
-            })
+            facts
+                .clearance
+                .is_some_and(|clearance| clearance < 0.0)
+                .then_some(Verdict {
+                    outcome: RunOutcome::Collided,
+                    reason: "obstacle",
+                })
         });
         if let Some(verdict) = verdict {
             let (kind, text, value) = match verdict.reason {
                 "slip" => (NoticeKind::Slip, "a tyre slipped", f64::NAN),
                 "wheel_lift" => (NoticeKind::WheelLift, "a wheel left the ground", f64::NAN),
                 "not_finite" => (NoticeKind::NonFinite, "the state is not finite", f64::NAN),
-                "obstacle" => (NoticeKind::Collision, "the outline met an obstacle", facts.clearance.unwrap_or(f64::NAN)),
+                "obstacle" => (
+                    NoticeKind::Collision,
+                    "the outline met an obstacle",
+                    facts.clearance.unwrap_or(f64::NAN),
+                ),
                 _ => (NoticeKind::Fell, "the bike fell", state.roll),
             };
             recorder.record(time, &Event::Notice { kind, text, value })?;
@@ -541,7 +637,12 @@ impl<'s> Ride<'s> {
     }
 
     /// The ride is over when the bike has stood still and upright for a while.
-    fn at_rest(&mut self, time: SimTime, output: &PilotOutput, recorder: &mut dyn Recorder) -> Result<Option<(RunOutcome, &'static str)>, Error> {
+    fn at_rest(
+        &mut self,
+        time: SimTime,
+        output: &PilotOutput,
+        recorder: &mut dyn Recorder,
+    ) -> Result<Option<(RunOutcome, &'static str)>, Error> {
         if self.path.is_none() || !output.at_rest {
             self.resting = SimTime::ZERO;
             return Ok(None);
@@ -550,10 +651,19 @@ impl<'s> Ride<'s> {
         if self.resting < SimTime::from_seconds(REST_TIME) {
             return Ok(None);
         }
-        let Some(goal) = self.target() else { return Ok(None) };
+        let Some(goal) = self.target() else {
+            return Ok(None);
+        };
         let error = (self.state.pose.position - goal.0.position).norm();
         if error <= goal.1 {
-            recorder.record(time, &Event::Notice { kind: NoticeKind::GoalReached, text: "at rest at the goal", value: error })?;
+            recorder.record(
+                time,
+                &Event::Notice {
+                    kind: NoticeKind::GoalReached,
+                    text: "at rest at the goal",
+                    value: error,
+                },
+            )?;
             Ok(Some((RunOutcome::Arrived, "at_goal")))
         } else {
             Ok(Some((RunOutcome::Stopped, "short_of_goal")))
@@ -591,7 +701,11 @@ impl<'s> Ride<'s> {
             .flatten()
             .map(|(target, _)| {
                 let free = self.setup.goal.is_some_and(|goal| goal.heading.is_none());
-                (&self.state.pose, target.position, (!free).then_some(target.heading))
+                (
+                    &self.state.pose,
+                    target.position,
+                    (!free).then_some(target.heading),
+                )
             });
         let passivity = self.path.map(|_| self.passivity.violations());
         Ridden {

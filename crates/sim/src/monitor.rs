@@ -61,9 +61,18 @@ impl FallMonitor {
         let on_ground = contact.both_wheels_down();
         // Without load there is no friction to exceed: a lifted wheel is judged as that.
         let slips = on_ground
-            && (contact.friction_use_rear(self.friction) > 1.0 || contact.friction_use_front(self.friction) > 1.0);
-        self.slipping = if slips { self.slipping + self.tick } else { SimTime::ZERO };
-        self.lifted = if on_ground { SimTime::ZERO } else { self.lifted + self.tick };
+            && (contact.friction_use_rear(self.friction) > 1.0
+                || contact.friction_use_front(self.friction) > 1.0);
+        self.slipping = if slips {
+            self.slipping + self.tick
+        } else {
+            SimTime::ZERO
+        };
+        self.lifted = if on_ground {
+            SimTime::ZERO
+        } else {
+            self.lifted + self.tick
+        };
         if self.lifted >= SimTime::from_seconds(WHEEL_LIFT_TIME) {
             return fell("wheel_lift");
         }
@@ -131,7 +140,10 @@ mod tests {
     }
 
     fn monitor() -> FallMonitor {
-        FallMonitor::new(Period::from_seconds(0.005).expect("a whole number of nanoseconds"), 0.7)
+        FallMonitor::new(
+            Period::from_seconds(0.005).expect("a whole number of nanoseconds"),
+            0.7,
+        )
     }
 
     fn upright() -> BikeState {
@@ -145,7 +157,12 @@ mod tests {
         for _ in 0..3 {
             assert_eq!(monitor.judge(&upright(), Some(&slip)), None);
         }
-        assert_eq!(monitor.judge(&upright(), Some(&slip)).map(|verdict| verdict.reason), Some("slip"));
+        assert_eq!(
+            monitor
+                .judge(&upright(), Some(&slip))
+                .map(|verdict| verdict.reason),
+            Some("slip")
+        );
     }
 
     #[test]
@@ -162,15 +179,23 @@ mod tests {
     fn a_lifted_wheel_is_judged_after_fifty_milliseconds() {
         let mut monitor = monitor();
         let lifted = forces(-1.0, 0.0);
-        let verdicts: Vec<_> = (0..10).map(|_| monitor.judge(&upright(), Some(&lifted))).collect();
+        let verdicts: Vec<_> = (0..10)
+            .map(|_| monitor.judge(&upright(), Some(&lifted)))
+            .collect();
         assert!(verdicts[..9].iter().all(Option::is_none));
-        assert_eq!(verdicts[9].map(|verdict| verdict.reason), Some("wheel_lift"));
+        assert_eq!(
+            verdicts[9].map(|verdict| verdict.reason),
+            Some("wheel_lift")
+        );
     }
 
     #[test]
     fn a_state_that_is_not_finite_is_a_fall_at_once() {
         let mut state = upright();
         state.roll_rate = f64::NAN;
-        assert_eq!(monitor().judge(&state, None).map(|verdict| verdict.reason), Some("not_finite"));
+        assert_eq!(
+            monitor().judge(&state, None).map(|verdict| verdict.reason),
+            Some("not_finite")
+        );
     }
 }

@@ -206,7 +206,11 @@ fn bound_check(name: &str, found: Option<f64>, bound: f64, is_least: bool) -> Ex
     match found {
         Some(value) => ExpectCheck {
             check: format!("{name} {sign} {bound} (was {value:.4})"),
-            ok: if is_least { value >= bound } else { value <= bound },
+            ok: if is_least {
+                value >= bound
+            } else {
+                value <= bound
+            },
         },
         None => ExpectCheck {
             check: format!("{name} {sign} {bound} (was not measured)"),
@@ -226,7 +230,10 @@ mod tests {
             ..Expect::default()
         };
         let checks = expect.checks(RunOutcome::Arrived, "at_goal", &Metrics::default());
-        assert_eq!(checks.iter().map(|check| check.ok).collect::<Vec<_>>(), [true, false]);
+        assert_eq!(
+            checks.iter().map(|check| check.ok).collect::<Vec<_>>(),
+            [true, false]
+        );
     }
 
     #[test]

@@ -20,7 +20,11 @@ pub struct PathFileError {
     pub help: String,
 }
 
-fn refuse<T>(message: impl Into<String>, line: Option<usize>, help: &str) -> Result<T, PathFileError> {
+fn refuse<T>(
+    message: impl Into<String>,
+    line: Option<usize>,
+    help: &str,
+) -> Result<T, PathFileError> {
     Err(PathFileError {
         message: message.into(),
         line,
@@ -35,9 +39,17 @@ fn refuse<T>(message: impl Into<String>, line: Option<usize>, help: &str) -> Res
 /// # Errors
 ///
 /// [`PathFileError`] naming the line where there is one.
-pub fn parse(name: &str, bytes: &[u8], tangent_per_chord: f64) -> Result<Vec<FergusonCurve>, PathFileError> {
+pub fn parse(
+    name: &str,
+    bytes: &[u8],
+    tangent_per_chord: f64,
+) -> Result<Vec<FergusonCurve>, PathFileError> {
     let Ok(text) = std::str::from_utf8(bytes) else {
-        return refuse("the file is not text", None, "it takes a plan.json or a .csv of points");
+        return refuse(
+            "the file is not text",
+            None,
+            "it takes a plan.json or a .csv of points",
+        );
     };
     let ending = name.rsplit_once('.').map_or("", |(_, ending)| ending);
     match ending.to_ascii_lowercase().as_str() {
@@ -68,7 +80,10 @@ fn plan(text: &str) -> Result<Vec<FergusonCurve>, PathFileError> {
             if segments.iter().flatten().any(|value| !value.is_finite()) {
                 return refuse("a segment has a number that is not finite", None, HELP);
             }
-            Ok(segments.into_iter().map(FergusonCurve::from_array).collect())
+            Ok(segments
+                .into_iter()
+                .map(FergusonCurve::from_array)
+                .collect())
         }
         Some(segments) if segments.len() > MAX_ENTRIES => refuse(
             format!("it has {} segments", segments.len()),
@@ -99,7 +114,9 @@ fn centre_line(text: &str, tangent_per_chord: f64) -> Result<Vec<FergusonCurve>,
         match (x.parse::<f64>(), y.parse::<f64>()) {
             (Ok(x), Ok(y)) if x.is_finite() && y.is_finite() => points.push(Point2::new(x, y)),
             // A first line of column names is not a mistake.
-            _ if points.is_empty() && x.chars().any(char::is_alphabetic) && !x.eq_ignore_ascii_case("nan") => {}
+            _ if points.is_empty()
+                && x.chars().any(char::is_alphabetic)
+                && !x.eq_ignore_ascii_case("nan") => {}
             _ => {
                 return refuse(
                     format!("`{line}` does not begin with two finite numbers"),
@@ -109,11 +126,19 @@ fn centre_line(text: &str, tangent_per_chord: f64) -> Result<Vec<FergusonCurve>,
             }
         }
         if points.len() > MAX_ENTRIES {
-            return refuse("it has too many points", line_number, "a path has at most 200000 points");
+            return refuse(
+                "it has too many points",
+                line_number,
+                "a path has at most 200000 points",
+            );
         }
         if let [.., a, b] = points[..] {
             if (b - a).norm() < 1e-6 {
-                return refuse("the point repeats the one before", line_number, "neighbouring points must differ");
+                return refuse(
+                    "the point repeats the one before",
+                    line_number,
+                    "neighbouring points must differ",
+                );
             }
         }
     }
@@ -176,10 +201,19 @@ mod tests {
                 format!("{}, {}, 5, 5\n", radius * angle.cos(), radius * angle.sin())
             })
             .collect();
-        let curves = parse("circle.csv", format!("# x_m,y_m,w,w\n{csv}").as_bytes(), 1.0).expect("points on a circle");
+        let curves = parse(
+            "circle.csv",
+            format!("# x_m,y_m,w,w\n{csv}").as_bytes(),
+            1.0,
+        )
+        .expect("points on a circle");
         let path = CurvePath::new(curves).expect("a connected path");
         // Headings are exact on a circle; chord tangents leave an error of order (turn per chord)².
-        assert!((path.max_curvature() - 1.0 / radius).abs() < 2e-4, "{}", path.max_curvature());
+        assert!(
+            (path.max_curvature() - 1.0 / radius).abs() < 2e-4,
+            "{}",
+            path.max_curvature()
+        );
         assert!((path.length() - radius * 39.0 * 0.05).abs() < 1e-3);
     }
 
@@ -191,7 +225,8 @@ mod tests {
 
     #[test]
     fn a_plan_without_segments_cannot_be_ridden() {
-        let error = parse("plan.json", br#"{"outcome":"exhausted"}"#, 1.0).expect_err("nothing to ride");
+        let error =
+            parse("plan.json", br#"{"outcome":"exhausted"}"#, 1.0).expect_err("nothing to ride");
         assert!(error.message.contains("exhausted"), "{}", error.message);
     }
 }

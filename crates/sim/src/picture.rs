@@ -2,7 +2,8 @@
 
 use crate::clock::SimTime;
 use crate::record::{
-    BikeGeometry, CellState, Event, GoalSample, GridSample, MapEvent, PathSample, PlanEvent, RecordError, Recorder, Shape,
+    BikeGeometry, CellState, Event, GoalSample, GridSample, MapEvent, PathSample, PlanEvent,
+    RecordError, Recorder, Shape,
 };
 use crate::setup::Setup;
 use bikebot_geometry::{CurvePath, Point2, Pose2};
@@ -28,7 +29,9 @@ pub(crate) fn scene(setup: &Setup, recorder: &mut dyn Recorder) -> Result<(), Re
         footprint: outline(&setup.footprint),
     };
     recorder.record(SimTime::ZERO, &Event::Bike(&geometry))?;
-    let Some(world) = &setup.world else { return Ok(()) };
+    let Some(world) = &setup.world else {
+        return Ok(());
+    };
     let bounds = world.bounds();
     let shapes: Vec<Shape> = world.obstacles().iter().map(shape).collect();
     let cells: Vec<CellState> = world
@@ -75,7 +78,11 @@ pub(crate) fn plan(
                 .collect()
         })
         .unwrap_or_default();
-    let line = |polyline: Option<&bikebot_geometry::Polyline>| polyline.map(|line| plain(line.vertices())).unwrap_or_default();
+    let line = |polyline: Option<&bikebot_geometry::Polyline>| {
+        polyline
+            .map(|line| plain(line.vertices()))
+            .unwrap_or_default()
+    };
     let coarse = line(stages.and_then(|stages| stages.coarse.as_ref()));
     let guide = line(stages.and_then(|stages| stages.guide.as_ref()));
     recorder.record(
@@ -150,10 +157,18 @@ fn outline(footprint: &Footprint) -> Vec<[f64; 2]> {
     match footprint {
         Footprint::Point => Vec::new(),
         Footprint::Disc { radius } => arc(0.0, *radius, -PI, PI).skip(1).collect(),
-        Footprint::Capsule { rear, front, radius } => arc(*front, *radius, -FRAC_PI_2, FRAC_PI_2)
+        Footprint::Capsule {
+            rear,
+            front,
+            radius,
+        } => arc(*front, *radius, -FRAC_PI_2, FRAC_PI_2)
             .chain(arc(*rear, *radius, FRAC_PI_2, 3.0 * FRAC_PI_2))
             .collect(),
-        Footprint::Rectangle { rear, front, half_width } => vec![
+        Footprint::Rectangle {
+            rear,
+            front,
+            half_width,
+        } => vec![
             [*rear, -half_width],
             [*front, -half_width],
             [*front, *half_width],

@@ -55,7 +55,11 @@ pub(crate) struct TrueFollowing {
 }
 
 impl Pilot {
-    pub fn new(setup: &Setup, path: Option<&CurvePath>, start: &Measurement) -> Result<Self, Error> {
+    pub fn new(
+        setup: &Setup,
+        path: Option<&CurvePath>,
+        start: &Measurement,
+    ) -> Result<Self, Error> {
         let period = setup.control.seconds();
         let offset = Offset {
             d: setup.bike.offset(setup.mode),
@@ -64,15 +68,27 @@ impl Pilot {
         };
         let kind = match path {
             Some(path) => {
-                let controller =
-                    RideController::new(&setup.bike, setup.mode, &setup.follow, &setup.balance, path, start, period)?;
+                let controller = RideController::new(
+                    &setup.bike,
+                    setup.mode,
+                    &setup.follow,
+                    &setup.balance,
+                    path,
+                    start,
+                    period,
+                )?;
                 Kind::Rider {
                     controller: Box::new(controller),
                     look_ahead: setup.follow.look_ahead,
                     true_s: 0.0,
                 }
             }
-            None => Kind::Balancer(Box::new(BalanceController::new(&setup.bike, setup.mode, &setup.balance, period)?)),
+            None => Kind::Balancer(Box::new(BalanceController::new(
+                &setup.bike,
+                setup.mode,
+                &setup.balance,
+                period,
+            )?)),
         };
         Ok(Self {
             kind,
@@ -90,7 +106,11 @@ impl Pilot {
     pub fn tick(&mut self, t: f64, measured: &Measurement) -> Result<PilotOutput, ControlError> {
         match &mut self.kind {
             Kind::Rider { controller, .. } => {
-                if let Some(change) = self.changes.get(self.next_change).filter(|change| t >= change.time) {
+                if let Some(change) = self
+                    .changes
+                    .get(self.next_change)
+                    .filter(|change| t >= change.time)
+                {
                     controller.request_mode(change.mode, change.duration)?;
                     self.next_change += 1;
                 }
@@ -179,7 +199,9 @@ impl Pilot {
             return None;
         };
         let point = state.pose.position + state.pose.direction() * *look_ahead;
-        let projection = controller.followed_path().project(point, *true_s, PROJECTION_REACH);
+        let projection = controller
+            .followed_path()
+            .project(point, *true_s, PROJECTION_REACH);
         *true_s = projection.s;
         Some(TrueFollowing {
             lateral_error: projection.lateral,

@@ -86,9 +86,18 @@ impl RideMetrics {
         raise(&mut m.speed_max_mps, state.speed);
         if let Some(contact) = facts.contact {
             self.has_contact = true;
-            raise(&mut m.friction_use_rear_max, contact.friction_use_rear(facts.friction));
-            raise(&mut m.friction_use_front_max, contact.friction_use_front(facts.friction));
-            lower(&mut m.wheel_load_min_n, contact.rear_load.min(contact.front_load));
+            raise(
+                &mut m.friction_use_rear_max,
+                contact.friction_use_rear(facts.friction),
+            );
+            raise(
+                &mut m.friction_use_front_max,
+                contact.friction_use_front(facts.friction),
+            );
+            lower(
+                &mut m.wheel_load_min_n,
+                contact.rear_load.min(contact.front_load),
+            );
         }
         if let Some(clearance) = facts.clearance {
             lower(&mut m.min_clearance_m, clearance);
@@ -125,7 +134,12 @@ impl RideMetrics {
 
     /// Where the sharpest corner lies is decided by the planned path alone, so the errors at its end are
     /// taken from the state at rest.
-    pub fn finish(mut self, time: f64, at_rest: Option<(&Pose2, Point2, Option<f64>)>, passivity: Option<u64>) -> Metrics {
+    pub fn finish(
+        mut self,
+        time: f64,
+        at_rest: Option<(&Pose2, Point2, Option<f64>)>,
+        passivity: Option<u64>,
+    ) -> Metrics {
         let m = &mut self.metrics;
         m.time_s = Some(time);
         if self.ticks > 0 {
@@ -139,8 +153,11 @@ impl RideMetrics {
         m.passivity_violations = passivity;
         if let Some((pose, goal, heading)) = at_rest {
             m.end_position_error_m = Some((pose.position - goal).norm());
-            m.end_heading_error_deg =
-                heading.map(|heading| bikebot_geometry::angle::difference(pose.heading, heading).abs().to_degrees());
+            m.end_heading_error_deg = heading.map(|heading| {
+                bikebot_geometry::angle::difference(pose.heading, heading)
+                    .abs()
+                    .to_degrees()
+            });
         }
         self.metrics
     }

@@ -4,11 +4,13 @@
 
 use crate::clock::{ClockError, Period, SimTime};
 use crate::outcome::Expect;
-use crate::record::RecordOptions;
 use crate::path_file::{self, PathFileError};
+use crate::record::RecordOptions;
 use crate::scenario::{PathSection, PlantModel, Scenario, ScenarioError, ScenarioFile};
 use bikebot_control::{BalanceParams, FollowParams};
-use bikebot_dynamics::{BalancerMode, BikeParams, BikeState, LaserParams, LaserScanner, SensorParams};
+use bikebot_dynamics::{
+    BalancerMode, BikeParams, BikeState, LaserParams, LaserScanner, SensorParams,
+};
 use bikebot_geometry::{CurvePath, FergusonCurve, GeometryError, Point2, Pose2};
 use bikebot_planner::{EndPose, GoalMode, GoalRegion, PlannerParams, PlanningProblem};
 use bikebot_world::formats::{self, MapError, MapOptions};
@@ -209,7 +211,12 @@ impl Resolver<'_> {
         })
     }
 
-    fn refuse<T>(&self, key: &str, message: impl Into<String>, help: impl Into<String>) -> Result<T, SetupError> {
+    fn refuse<T>(
+        &self,
+        key: &str,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Result<T, SetupError> {
         Err(self.file.error_at(key, message, help).into())
     }
 
@@ -239,9 +246,14 @@ impl Resolver<'_> {
         let laser = &self.scenario.laser;
         if laser.enabled {
             if let Err(error) = LaserScanner::new(laser) {
-                return self.refuse("laser", format!("[laser]: {error}"), "see the keys of [laser] in `bikebot schema`");
+                return self.refuse(
+                    "laser",
+                    format!("[laser]: {error}"),
+                    "see the keys of [laser] in `bikebot schema`",
+                );
             }
-            let divides = Period::from_hertz(laser.rate).is_ok_and(|scan| scan.in_steps_of(control).is_ok());
+            let divides =
+                Period::from_hertz(laser.rate).is_ok_and(|scan| scan.in_steps_of(control).is_ok());
             if !divides {
                 return self.refuse(
                     "laser.rate_hz",
@@ -268,11 +280,12 @@ impl Resolver<'_> {
             field.start = loaded.start;
             field.goal = loaded.goal;
             field.world = Some(loaded.world);
-        } else if let Some(key) = map
-            .meters_per_cell
-            .map(|_| "map.meters_per_cell")
-        {
-            return self.refuse(key, format!("`{key}` is given without `map.file`"), "remove it, or name a map file");
+        } else if let Some(key) = map.meters_per_cell.map(|_| "map.meters_per_cell") {
+            return self.refuse(
+                key,
+                format!("`{key}` is given without `map.file`"),
+                "remove it, or name a map file",
+            );
         }
         let shapes = self.shapes();
         if shapes.is_empty() && map.bounds_m.is_none() {
@@ -285,9 +298,21 @@ impl Resolver<'_> {
             }
             return Ok(field);
         }
-        let scale = if map.file.is_none() { map.scale.unwrap_or(1.0) } else { 1.0 };
-        let (mut obstacles, grid, file_bounds): (Vec<Obstacle>, Option<OccupancyGrid>, Option<Bounds>) = match field.world.take() {
-            Some(world) => (world.obstacles().to_vec(), world.grid().cloned(), Some(world.bounds())),
+        let scale = if map.file.is_none() {
+            map.scale.unwrap_or(1.0)
+        } else {
+            1.0
+        };
+        let (mut obstacles, grid, file_bounds): (
+            Vec<Obstacle>,
+            Option<OccupancyGrid>,
+            Option<Bounds>,
+        ) = match field.world.take() {
+            Some(world) => (
+                world.obstacles().to_vec(),
+                world.grid().cloned(),
+                Some(world.bounds()),
+            ),
             None => (Vec::new(), None, None),
         };
         let bounds = match (map.bounds_m, file_bounds) {
@@ -311,7 +336,11 @@ impl Resolver<'_> {
                 "write it as [min x, min y, max x, max y]",
             );
         }
-        obstacles.extend(shapes.into_iter().map(|(_, obstacle)| obstacle.scaled(scale)));
+        obstacles.extend(
+            shapes
+                .into_iter()
+                .map(|(_, obstacle)| obstacle.scaled(scale)),
+        );
         match World::build(bounds, obstacles, grid) {
             Ok(world) => field.world = Some(world),
             Err(error) => return self.refuse_world(&error),
@@ -361,10 +390,18 @@ impl Resolver<'_> {
         };
         for (key, shape) in self.shapes() {
             if let Err(error) = World::build(field, vec![shape], None) {
-                return self.refuse(&key, format!("`{key}`: {error}"), "a shape has a positive area and does not cross itself");
+                return self.refuse(
+                    &key,
+                    format!("`{key}`: {error}"),
+                    "a shape has a positive area and does not cross itself",
+                );
             }
         }
-        self.refuse("map", format!("[map]: {error}"), "see the shapes of the map")
+        self.refuse(
+            "map",
+            format!("[map]: {error}"),
+            "see the shapes of the map",
+        )
     }
 
     fn load_map(&mut self, name: &str) -> Result<formats::LoadedMap, SetupError> {
@@ -386,35 +423,55 @@ impl Resolver<'_> {
         self.files.push((name.to_owned(), bytes.clone()));
         let (read, files) = (&mut self.read, &mut self.files);
         // Files named inside a map are relative to the map.
-        let folder = name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
+        let folder = name
+            .rsplit_once('/')
+            .map_or(String::new(), |(folder, _)| format!("{folder}/"));
         let mut inner = |inside: &str| {
-            let path = if inside.starts_with('/') { inside.to_owned() } else { format!("{folder}{inside}") };
+            let path = if inside.starts_with('/') {
+                inside.to_owned()
+            } else {
+                format!("{folder}{inside}")
+            };
             let bytes = read(&path)?;
             files.push((path, bytes.clone()));
             Ok(bytes)
         };
-        let loaded = formats::load(name, &bytes, &options, &mut inner).map_err(|error| SetupError::Map { error, key: "map.file" })?;
-        self.warnings.extend(loaded.warnings.iter().map(|warning| format!("{name}: {warning}")));
+        let loaded =
+            formats::load(name, &bytes, &options, &mut inner).map_err(|error| SetupError::Map {
+                error,
+                key: "map.file",
+            })?;
+        self.warnings.extend(
+            loaded
+                .warnings
+                .iter()
+                .map(|warning| format!("{name}: {warning}")),
+        );
         Ok(loaded)
     }
 
     // --- the ends --------------------------------------------------------------------------------
 
-    fn start(&self, field: &Field, path: &PathSource) -> Result<(BikeState, Option<EndPose>), SetupError> {
+    fn start(
+        &self,
+        field: &Field,
+        path: &PathSource,
+    ) -> Result<(BikeState, Option<EndPose>), SetupError> {
         let start = &self.scenario.start;
         let named = match path {
             PathSource::Given(path) => Some(path.start_pose()),
             PathSource::Planned => field.start,
             PathSource::Standing => Some(Pose2::new(0.0, 0.0, 0.0)),
         };
-        let coordinate = |written: Option<f64>, named: Option<f64>, key: &str| match written.or(named) {
-            Some(value) => Ok(value),
-            None => self.refuse(
-                "start",
-                format!("the scenario has no `{key}`"),
-                "add [start] with x_m, y_m and heading_deg: where the rear wheel stands",
-            ),
-        };
+        let coordinate =
+            |written: Option<f64>, named: Option<f64>, key: &str| match written.or(named) {
+                Some(value) => Ok(value),
+                None => self.refuse(
+                    "start",
+                    format!("the scenario has no `{key}`"),
+                    "add [start] with x_m, y_m and heading_deg: where the rear wheel stands",
+                ),
+            };
         let x = coordinate(start.x_m, named.map(|pose| pose.position.x), "start.x_m")?;
         let y = coordinate(start.y_m, named.map(|pose| pose.position.y), "start.y_m")?;
         let heading = start
@@ -520,13 +577,25 @@ impl Resolver<'_> {
         match CurvePath::new(curves) {
             Ok(path) => Ok(PathSource::Given(path)),
             Err(error) => {
-                let key = if section.file.is_some() { "path.file" } else { "path.waypoints" };
-                self.refuse(key, format!("`{key}`: {error}"), "neighbouring points must differ")
+                let key = if section.file.is_some() {
+                    "path.file"
+                } else {
+                    "path.waypoints"
+                };
+                self.refuse(
+                    key,
+                    format!("`{key}`: {error}"),
+                    "neighbouring points must differ",
+                )
             }
         }
     }
 
-    fn through(&self, waypoints: &[[f64; 3]], section: &PathSection) -> Result<Vec<FergusonCurve>, SetupError> {
+    fn through(
+        &self,
+        waypoints: &[[f64; 3]],
+        section: &PathSection,
+    ) -> Result<Vec<FergusonCurve>, SetupError> {
         let factor = section.tangent_per_chord.unwrap_or(1.2);
         let mut curves = Vec::with_capacity(waypoints.len());
         for (index, pair) in waypoints.windows(2).enumerate() {
@@ -536,7 +605,11 @@ impl Resolver<'_> {
             if chord < 1e-6 {
                 return self.refuse(
                     &format!("path.waypoints.{}", index + 1),
-                    format!("way points {} and {} of `path.waypoints` are the same point", index + 1, index + 2),
+                    format!(
+                        "way points {} and {} of `path.waypoints` are the same point",
+                        index + 1,
+                        index + 2
+                    ),
                     "neighbouring way points must differ",
                 );
             }
@@ -545,7 +618,11 @@ impl Resolver<'_> {
         Ok(curves)
     }
 
-    fn from_file(&mut self, name: &str, section: &PathSection) -> Result<Vec<FergusonCurve>, SetupError> {
+    fn from_file(
+        &mut self,
+        name: &str,
+        section: &PathSection,
+    ) -> Result<Vec<FergusonCurve>, SetupError> {
         let bytes = match (self.read)(name) {
             Ok(bytes) => bytes,
             Err(reason) => {
@@ -561,9 +638,17 @@ impl Resolver<'_> {
                 self.files.push((name.to_owned(), bytes));
                 Ok(curves)
             }
-            Err(PathFileError { message, line, help }) => {
+            Err(PathFileError {
+                message,
+                line,
+                help,
+            }) => {
                 let place = line.map_or(String::new(), |line| format!(":{line}"));
-                self.refuse("path.file", format!("path file `{name}{place}`: {message}"), help)
+                self.refuse(
+                    "path.file",
+                    format!("path file `{name}{place}`: {message}"),
+                    help,
+                )
             }
         }
     }
@@ -584,7 +669,9 @@ impl Resolver<'_> {
         };
         let planning = if written.trim() == "bike" {
             // The rear contact cuts a corner of curvature σ by ℓ²σ/2 (docs/paper.md, D14).
-            footprint.grown(0.5 * self.scenario.follow.look_ahead.powi(2) * self.scenario.planner.max_curvature)
+            footprint.grown(
+                0.5 * self.scenario.follow.look_ahead.powi(2) * self.scenario.planner.max_curvature,
+            )
         } else {
             footprint.clone()
         };
@@ -594,7 +681,11 @@ impl Resolver<'_> {
     fn bike(&self) -> Result<(BikeParams, Vec<ScheduledModeChange>), SetupError> {
         let section = &self.scenario.bike;
         if let Err(error) = section.params.check() {
-            return self.refuse("bike", format!("[bike]: {error}"), "see docs/frames.md for the meaning of the lengths");
+            return self.refuse(
+                "bike",
+                format!("[bike]: {error}"),
+                "see docs/frames.md for the meaning of the lengths",
+            );
         }
         let mut changes: Vec<ScheduledModeChange> = Vec::new();
         for (index, change) in section.mode_change.iter().enumerate() {
@@ -617,10 +708,16 @@ impl Resolver<'_> {
                     "remove [[bike.mode_change]], or raise the pivot (l_m) or the balancer's inertia (i2x_kgm2)",
                 );
             }
-            if changes.last().is_some_and(|last| change.time_s < last.time + last.duration) {
+            if changes
+                .last()
+                .is_some_and(|last| change.time_s < last.time + last.duration)
+            {
                 return self.refuse(
                     &format!("bike.mode_change.{index}.time_s"),
-                    format!("mode change {} begins before the one above it has ended", index + 1),
+                    format!(
+                        "mode change {} begins before the one above it has ended",
+                        index + 1
+                    ),
                     "list them in order of time, each after the end of the last",
                 );
             }
@@ -636,10 +733,20 @@ impl Resolver<'_> {
         }
         let true_bike: BikeParams = match toml::Value::Table(truth).try_into() {
             Ok(params) => params,
-            Err(error) => return self.refuse("plant.bike", format!("[plant.bike]: {error}"), "it takes keys of [bike]"),
+            Err(error) => {
+                return self.refuse(
+                    "plant.bike",
+                    format!("[plant.bike]: {error}"),
+                    "it takes keys of [bike]",
+                );
+            }
         };
         if let Err(error) = true_bike.check() {
-            return self.refuse("plant.bike", format!("[plant.bike]: {error}"), "see docs/frames.md for the meaning of the lengths");
+            return self.refuse(
+                "plant.bike",
+                format!("[plant.bike]: {error}"),
+                "see docs/frames.md for the meaning of the lengths",
+            );
         }
         Ok((true_bike, changes))
     }

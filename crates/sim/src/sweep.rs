@@ -29,15 +29,16 @@ impl FromStr for Vary {
 
     /// `key=a:b:n` (n values from a to b) or `key=[v, …]`.
     fn from_str(text: &str) -> Result<Self, String> {
-        const HELP: &str = "write it as key=from:to:count, such as start.roll_deg=1:12:12, or as key=[value, …]";
+        const HELP: &str =
+            "write it as key=from:to:count, such as start.roll_deg=1:12:12, or as key=[value, …]";
         let (key, values) = text
             .split_once('=')
             .map(|(key, values)| (key.trim(), values.trim()))
             .filter(|(key, _)| !key.is_empty())
             .ok_or_else(|| format!("`{text}` names no key; {HELP}"))?;
         let values = if values.starts_with('[') {
-            let table: toml::Table =
-                toml::from_str(&format!("values = {values}")).map_err(|error| format!("`{values}`: {}; {HELP}", error.message()))?;
+            let table: toml::Table = toml::from_str(&format!("values = {values}"))
+                .map_err(|error| format!("`{values}`: {}; {HELP}", error.message()))?;
             match table.get("values").and_then(toml::Value::as_array) {
                 Some(list) if !list.is_empty() => list.iter().map(ToString::to_string).collect(),
                 _ => return Err(format!("`{values}` holds no values; {HELP}")),
@@ -59,7 +60,9 @@ impl FromStr for Vary {
                 .ok()
                 .filter(|count| (1..=MAX_CASES).contains(count))
                 .ok_or_else(|| format!("`{count}` is not a count from 1 to {MAX_CASES}; {HELP}"))?;
-            linear(from, to, count).map(|value| format!("{value:?}")).collect()
+            linear(from, to, count)
+                .map(|value| format!("{value:?}"))
+                .collect()
         };
         Ok(Self {
             key: key.to_owned(),
@@ -111,7 +114,11 @@ pub fn cases(varies: &[Vary], seeds: &[u64]) -> Vec<Case> {
         .into_iter()
         .flat_map(|varied| seeds.iter().map(move |seed| (varied.clone(), *seed)))
         .enumerate()
-        .map(|(index, (varied, seed))| Case { index, varied, seed })
+        .map(|(index, (varied, seed))| Case {
+            index,
+            varied,
+            seed,
+        })
         .collect()
 }
 
@@ -168,7 +175,13 @@ impl Row {
         let _ = write!(line, ",{}", self.case.seed);
         match &self.result {
             Ok(result) => {
-                let _ = write!(line, ",{},{},{}", result.outcome, csv_field(&result.reason), result.passed);
+                let _ = write!(
+                    line,
+                    ",{},{},{}",
+                    result.outcome,
+                    csv_field(&result.reason),
+                    result.passed
+                );
                 let found: BTreeMap<&str, f64> = result.metrics.iter().collect();
                 for name in metric_names() {
                     line.push(',');
@@ -273,9 +286,15 @@ pub fn sweep(
                 let (cases, files) = &*shared;
                 loop {
                     let index = queue.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-                    let (Some(case), Some(file)) = (cases.get(index), files.get(index)) else { break };
+                    let (Some(case), Some(file)) = (cases.get(index), files.get(index)) else {
+                        break;
+                    };
                     // A closed channel means nobody waits for rows any more.
-                    if stop() || send.send((index, run_case(case, file, read, stop))).is_err() {
+                    if stop()
+                        || send
+                            .send((index, run_case(case, file, read, stop)))
+                            .is_err()
+                    {
                         break;
                     }
                 }
@@ -297,7 +316,12 @@ pub fn sweep(
 }
 
 /// One row; `None` where `stop` cut the run short.
-fn run_case(case: &Case, file: &ScenarioFile, read: SharedRead<'_>, stop: &(dyn Fn() -> bool + Sync)) -> Option<Row> {
+fn run_case(
+    case: &Case,
+    file: &ScenarioFile,
+    read: SharedRead<'_>,
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Option<Row> {
     let result = Setup::resolve(file, &mut |name| read(name))
         .map_err(|error| error.to_string())
         .and_then(|setup| {
@@ -333,29 +357,54 @@ mod tests {
     fn a_range_holds_both_its_ends() {
         let vary: Vary = "start.roll_deg=1:12:12".parse().expect("a range");
         assert_eq!(vary.values.len(), 12);
-        assert_eq!((vary.values[0].as_str(), vary.values[11].as_str()), ("1.0", "12.0"));
+        assert_eq!(
+            (vary.values[0].as_str(), vary.values[11].as_str()),
+            ("1.0", "12.0")
+        );
     }
 
     #[test]
     fn lists_hold_any_value() {
-        let vary: Vary = "bike.mode=[\"flywheel\", \"balancer\"]".parse().expect("a list");
+        let vary: Vary = "bike.mode=[\"flywheel\", \"balancer\"]"
+            .parse()
+            .expect("a list");
         assert_eq!(vary.values, ["\"flywheel\"", "\"balancer\""]);
     }
 
     #[test]
     fn keys_and_seeds_multiply_and_the_seed_varies_fastest() {
-        let varies: Vec<Vary> = ["a=[1,2]", "b=[3,4]"].iter().map(|text| text.parse().expect("a list")).collect();
+        let varies: Vec<Vary> = ["a=[1,2]", "b=[3,4]"]
+            .iter()
+            .map(|text| text.parse().expect("a list"))
+            .collect();
         let cases = cases(&varies, &[7, 8]);
         let shown: Vec<String> = cases
             .iter()
-            .map(|case| format!("{}{}{}", case.varied[0].value, case.varied[1].value, case.seed))
+            .map(|case| {
+                format!(
+                    "{}{}{}",
+                    case.varied[0].value, case.varied[1].value, case.seed
+                )
+            })
             .collect();
-        assert_eq!(shown, ["137", "138", "147", "148", "237", "238", "247", "248"]);
+        assert_eq!(
+            shown,
+            ["137", "138", "147", "148", "237", "238", "247", "248"]
+        );
     }
 
     #[test]
     fn what_is_no_range_is_refused_with_help() {
-        for text in ["x", "=1:2:3", "x=1:2", "x=1:2:0", "x=nan:2:3", "x=[", "x=[]", "x=1:2:2000000"] {
+        for text in [
+            "x",
+            "=1:2:3",
+            "x=1:2",
+            "x=1:2:0",
+            "x=nan:2:3",
+            "x=[",
+            "x=[]",
+            "x=1:2:2000000",
+        ] {
             assert!(text.parse::<Vary>().is_err(), "{text}");
         }
     }

@@ -2,8 +2,8 @@
 
 use crate::scenario::PlantModel;
 use bikebot_dynamics::{
-    Bike, BikeAcceleration, BikeInput, BikeParams, BikeState, ContactForces, Integrator, Kinematic, KinematicInput,
-    KinematicState, Rk4, TwoLink, TwoLinkInput, TwoLinkState,
+    Bike, BikeAcceleration, BikeInput, BikeParams, BikeState, ContactForces, Integrator, Kinematic,
+    KinematicInput, KinematicState, Rk4, TwoLink, TwoLinkInput, TwoLinkState,
 };
 
 /// The true bike.
@@ -39,7 +39,13 @@ impl TruePlant {
             PlantModel::Bike3d => Rk4.step(&self.bike, t, state, input, dt),
             PlantModel::TwoLink => {
                 let plant = TwoLink::new(self.params(), input.offset);
-                let moved = Rk4.step(&plant, t, &TwoLinkState::from(state), &two_link_input(input), dt);
+                let moved = Rk4.step(
+                    &plant,
+                    t,
+                    &TwoLinkState::from(state),
+                    &two_link_input(input),
+                    dt,
+                );
                 BikeState {
                     roll: moved.roll,
                     balancer: moved.balancer,
@@ -79,7 +85,8 @@ impl TruePlant {
             PlantModel::Bike3d => self.bike.accelerations(state, input),
             PlantModel::TwoLink => {
                 let plant = TwoLink::new(self.params(), input.offset);
-                let second = plant.accelerations(&TwoLinkState::from(state), &two_link_input(input));
+                let second =
+                    plant.accelerations(&TwoLinkState::from(state), &two_link_input(input));
                 BikeAcceleration {
                     speed: 0.0,
                     yaw: 0.0,
@@ -125,7 +132,9 @@ impl TruePlant {
     pub fn energy(&self, state: &BikeState, input: &BikeInput) -> f64 {
         match self.model {
             PlantModel::Bike3d => self.bike.energy(state, &input.offset),
-            PlantModel::TwoLink => TwoLink::new(self.params(), input.offset).energy(&TwoLinkState::from(state)),
+            PlantModel::TwoLink => {
+                TwoLink::new(self.params(), input.offset).energy(&TwoLinkState::from(state))
+            }
             PlantModel::Kinematic => f64::NAN,
         }
     }

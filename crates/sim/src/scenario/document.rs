@@ -152,7 +152,9 @@ impl ScenarioFile {
         if text.len() > MAX_SCENARIO_BYTES {
             return Err(ScenarioError::plain(
                 format!("the scenario has {} bytes", text.len()),
-                format!("a scenario has at most {MAX_SCENARIO_BYTES} bytes; is this the right file?"),
+                format!(
+                    "a scenario has at most {MAX_SCENARIO_BYTES} bytes; is this the right file?"
+                ),
             ));
         }
         let mut written: toml::Table = toml::from_str(text).map_err(|error| ScenarioError {
@@ -173,10 +175,9 @@ impl ScenarioFile {
             written,
             overridden,
         };
-        if let Some(violation) = schema_check::check(
-            schema(),
-            &toml::Value::Table(file.written.clone()),
-        ) {
+        if let Some(violation) =
+            schema_check::check(schema(), &toml::Value::Table(file.written.clone()))
+        {
             return Err(file.locate(violation));
         }
         let mut resolved = file.written.clone();
@@ -233,7 +234,12 @@ impl ScenarioFile {
 
     /// A diagnostic for a value that is in range but makes no sense in its context.
     #[must_use]
-    pub fn error_at(&self, key: &str, message: impl Into<String>, help: impl Into<String>) -> ScenarioError {
+    pub fn error_at(
+        &self,
+        key: &str,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> ScenarioError {
         let mut error = self.locate(Violation {
             path: key.split('.').map(str::to_owned).collect(),
             at_key: false,
@@ -262,9 +268,9 @@ impl ScenarioFile {
                 None => break,
             }
         }
-        let is_bike_parameter = key
-            .strip_prefix("bike.")
-            .is_some_and(|name| name != "preset" && name != "mode" && !name.starts_with("mode_change"));
+        let is_bike_parameter = key.strip_prefix("bike.").is_some_and(|name| {
+            name != "preset" && name != "mode" && !name.starts_with("mode_change")
+        });
         if is_bike_parameter {
             Origin::Preset(self.scenario.bike.preset.clone())
         } else {
@@ -283,7 +289,9 @@ impl ScenarioFile {
             .unwrap_or("default")
             .to_owned();
         let Some(preset) = BikeParams::preset(&name) else {
-            let known = BikeParams::PRESETS.map(|name| format!("\"{name}\"")).join(", ");
+            let known = BikeParams::PRESETS
+                .map(|name| format!("\"{name}\""))
+                .join(", ");
             return Err(self.error_at(
                 "bike.preset",
                 format!("`bike.preset` is \"{name}\", which is no parameter set"),
@@ -390,7 +398,12 @@ fn place_table(prefix: &str, table: &DeTable<'_>, places: &mut BTreeMap<String, 
     }
 }
 
-fn place_value(path: String, key: Range<usize>, value: &toml::Spanned<DeValue<'_>>, places: &mut BTreeMap<String, Place>) {
+fn place_value(
+    path: String,
+    key: Range<usize>,
+    value: &toml::Spanned<DeValue<'_>>,
+    places: &mut BTreeMap<String, Place>,
+) {
     let is_leaf = match value.get_ref() {
         DeValue::Table(table) => {
             place_table(&path, table, places);
@@ -459,7 +472,10 @@ fn set(root: &mut toml::Table, change: &Override) -> Result<(), ScenarioError> {
     };
     let mut parts: Vec<&str> = change.key.split('.').map(str::trim).collect();
     let Some(last) = parts.pop() else {
-        return Err(refuse("the key is empty".into(), "write it as key.path=value"));
+        return Err(refuse(
+            "the key is empty".into(),
+            "write it as key.path=value",
+        ));
     };
     let mut seen = String::new();
     let mut node: Node<'_> = Node::Table(root);
@@ -474,13 +490,23 @@ fn set(root: &mut toml::Table, change: &Override) -> Result<(), ScenarioError> {
                 part.parse::<usize>()
                     .ok()
                     .and_then(|index| items.get_mut(index))
-                    .ok_or_else(|| refuse(format!("`{seen}` is not an entry of the list"), &format!("it has entries 0 to {}", length.saturating_sub(1))))?
+                    .ok_or_else(|| {
+                        refuse(
+                            format!("`{seen}` is not an entry of the list"),
+                            &format!("it has entries 0 to {}", length.saturating_sub(1)),
+                        )
+                    })?
             }
         };
         node = match next {
             toml::Value::Table(table) => Node::Table(table),
             toml::Value::Array(items) => Node::Array(items),
-            _ => return Err(refuse(format!("`{seen}` is a single value and has no key below it"), "name an existing section")),
+            _ => {
+                return Err(refuse(
+                    format!("`{seen}` is a single value and has no key below it"),
+                    "name an existing section",
+                ));
+            }
         };
     }
     match node {
@@ -489,7 +515,11 @@ fn set(root: &mut toml::Table, change: &Override) -> Result<(), ScenarioError> {
         }
         Node::Array(items) => {
             let length = items.len();
-            match last.parse::<usize>().ok().and_then(|index| items.get_mut(index)) {
+            match last
+                .parse::<usize>()
+                .ok()
+                .and_then(|index| items.get_mut(index))
+            {
                 Some(item) => *item = change.parsed(),
                 None => {
                     return Err(refuse(

@@ -52,7 +52,13 @@ impl<'a> Walker<'a> {
         match value {
             Toml::Float(number) => self.number(schema, *number, &format!("{number:?}")),
             Toml::Integer(number) => self.number(schema, *number as f64, &number.to_string()),
-            Toml::String(text) => self.length(schema, "minLength", "maxLength", text.chars().count(), "characters"),
+            Toml::String(text) => self.length(
+                schema,
+                "minLength",
+                "maxLength",
+                text.chars().count(),
+                "characters",
+            ),
             Toml::Array(items) => self.array(schema, items),
             Toml::Table(table) => self.table(schema, table),
             _ => Ok(()),
@@ -84,7 +90,13 @@ impl<'a> Walker<'a> {
                 choice
                     .get("const")
                     .into_iter()
-                    .chain(choice.get("enum").and_then(Json::as_array).into_iter().flatten())
+                    .chain(
+                        choice
+                            .get("enum")
+                            .and_then(Json::as_array)
+                            .into_iter()
+                            .flatten(),
+                    )
                     .filter_map(Json::as_str)
                     .collect::<Vec<_>>()
             })
@@ -150,7 +162,11 @@ impl<'a> Walker<'a> {
         if fits {
             return Ok(());
         }
-        let wanted = allowed.iter().find(|name| **name != "null").copied().unwrap_or("another type");
+        let wanted = allowed
+            .iter()
+            .find(|name| **name != "null")
+            .copied()
+            .unwrap_or("another type");
         let wanted = match wanted {
             "number" => "a number",
             "integer" => "a whole number",
@@ -179,20 +195,39 @@ impl<'a> Walker<'a> {
         if inside {
             return Ok(());
         }
-        let unit = unit_of(self.path.iter().rev().find(|part| part.parse::<usize>().is_err()).map_or("", String::as_str));
-        let lower = above.map(|limit| format!("more than {limit}")).or(min.map(|limit| format!("at least {limit}")));
-        let upper = below.map(|limit| format!("less than {limit}")).or(max.map(|limit| format!("at most {limit}")));
+        let unit = unit_of(
+            self.path
+                .iter()
+                .rev()
+                .find(|part| part.parse::<usize>().is_err())
+                .map_or("", String::as_str),
+        );
+        let lower = above
+            .map(|limit| format!("more than {limit}"))
+            .or(min.map(|limit| format!("at least {limit}")));
+        let upper = below
+            .map(|limit| format!("less than {limit}"))
+            .or(max.map(|limit| format!("at most {limit}")));
         let range = match (lower, upper) {
             (Some(lower), Some(upper)) => format!("it takes a number of {lower} and {upper}{unit}"),
             (Some(only), None) | (None, Some(only)) => format!("it takes a number of {only}{unit}"),
             (None, None) => format!("it takes a finite number{unit}"),
         };
-        let problem = if number.is_finite() { "out of range" } else { "not a finite number" };
+        let problem = if number.is_finite() {
+            "out of range"
+        } else {
+            "not a finite number"
+        };
         self.fail(format!("{} is {shown}, {problem}", self.key()), range)
     }
 
     fn length(&self, schema: &Json, min: &str, max: &str, found: usize, what: &str) -> Checked {
-        let bound = |key: &str| schema.get(key).and_then(Json::as_u64).map(|limit| limit as usize);
+        let bound = |key: &str| {
+            schema
+                .get(key)
+                .and_then(Json::as_u64)
+                .map(|limit| limit as usize)
+        };
         let (least, most) = (bound(min), bound(max));
         if least.is_none_or(|limit| found >= limit) && most.is_none_or(|limit| found <= limit) {
             return Ok(());
@@ -214,7 +249,10 @@ impl<'a> Walker<'a> {
         self.length(schema, "minItems", "maxItems", items.len(), "entries")?;
         let prefix = schema.get("prefixItems").and_then(Json::as_array);
         for (index, item) in items.iter().enumerate() {
-            let Some(item_schema) = prefix.and_then(|list| list.get(index)).or_else(|| schema.get("items")) else {
+            let Some(item_schema) = prefix
+                .and_then(|list| list.get(index))
+                .or_else(|| schema.get("items"))
+            else {
                 continue;
             };
             self.path.push(index.to_string());
@@ -234,8 +272,15 @@ impl<'a> Walker<'a> {
             }
             self.path.pop();
         }
-        for required in schema.get("required").and_then(Json::as_array).into_iter().flatten() {
-            let Some(name) = required.as_str() else { continue };
+        for required in schema
+            .get("required")
+            .and_then(Json::as_array)
+            .into_iter()
+            .flatten()
+        {
+            let Some(name) = required.as_str() else {
+                continue;
+            };
             if !table.contains_key(name) {
                 let place = if self.path.is_empty() {
                     "the scenario".to_owned()
@@ -248,14 +293,21 @@ impl<'a> Walker<'a> {
                     .and_then(Json::as_str)
                     .and_then(|text| text.lines().next())
                     .unwrap_or_default();
-                return self.fail(format!("{place} has no `{name}`"), format!("add `{name} = …`: {what}"));
+                return self.fail(
+                    format!("{place} has no `{name}`"),
+                    format!("add `{name} = …`: {what}"),
+                );
             }
         }
         Ok(())
     }
 
     fn unknown(&self, key: &str, properties: Option<&serde_json::Map<String, Json>>) -> Violation {
-        let names: Vec<&str> = properties.into_iter().flatten().map(|(name, _)| name.as_str()).collect();
+        let names: Vec<&str> = properties
+            .into_iter()
+            .flatten()
+            .map(|(name, _)| name.as_str())
+            .collect();
         let place = if self.path.len() <= 1 {
             "at the top of the scenario".to_owned()
         } else {
@@ -345,7 +397,11 @@ fn describe(value: &Toml) -> String {
 }
 
 fn quoted_list(names: &[&str]) -> String {
-    names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")
+    names
+        .iter()
+        .map(|name| format!("\"{name}\""))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 /// The known name a typing slip most likely meant: least edit distance, at most a third of its length.
