@@ -11,9 +11,9 @@ use bikebot_control::{BalanceParams, FollowParams};
 use bikebot_dynamics::{
     BalancerMode, BikeParams, BikeState, LaserParams, LaserScanner, SensorParams,
 };
-use bikebot_geometry::{CurvePath, FergusonCurve, GeometryError, Point2, Pose2};
+use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Pose2};
 use bikebot_planner::{EndPose, GoalMode, GoalRegion, PlannerParams, PlanningProblem};
-use bikebot_world::formats::{self, MapError, MapOptions};
+use bikebot_world::formats::{self, MapError, MapOptions, MapPose};
 use bikebot_world::{Bounds, Footprint, Obstacle, OccupancyGrid, World, WorldError};
 use std::str::FromStr;
 
@@ -164,8 +164,8 @@ struct Resolver<'a> {
 #[derive(Default)]
 struct Field {
     world: Option<World>,
-    start: Option<Pose2>,
-    goal: Option<Pose2>,
+    start: Option<MapPose>,
+    goal: Option<MapPose>,
 }
 
 impl Resolver<'_> {
@@ -419,6 +419,7 @@ impl Resolver<'_> {
         let options = MapOptions {
             meters_per_cell: map.meters_per_cell,
             scale: map.scale.unwrap_or(1.0),
+            unknown_is_free: map.unknown_is_free,
         };
         self.files.push((name.to_owned(), bytes.clone()));
         let (read, files) = (&mut self.read, &mut self.files);
@@ -458,10 +459,10 @@ impl Resolver<'_> {
         path: &PathSource,
     ) -> Result<(BikeState, Option<EndPose>), SetupError> {
         let start = &self.scenario.start;
-        let named = match path {
-            PathSource::Given(path) => Some(path.start_pose()),
+        let end = match path {
+            PathSource::Given(path) => Some(named(path.start_pose())),
             PathSource::Planned => field.start,
-            PathSource::Standing => Some(Pose2::new(0.0, 0.0, 0.0)),
+            PathSource::Standing => Some(named(Pose2::new(0.0, 0.0, 0.0))),
         };
         let coordinate =
             |written: Option<f64>, named: Option<f64>, key: &str| match written.or(named) {
@@ -472,12 +473,12 @@ impl Resolver<'_> {
                     "add [start] with x_m, y_m and heading_deg: where the rear wheel stands",
                 ),
             };
-        let x = coordinate(start.x_m, named.map(|pose| pose.position.x), "start.x_m")?;
-        let y = coordinate(start.y_m, named.map(|pose| pose.position.y), "start.y_m")?;
+        let x = coordinate(start.x_m, end.map(|pose| pose.position.x), "start.x_m")?;
+        let y = coordinate(start.y_m, end.map(|pose| pose.position.y), "start.y_m")?;
         let heading = start
             .heading_deg
             .map(f64::to_radians)
-            .or(named.map(|pose| pose.heading));
+            .or(end.and_then(|pose| pose.heading));
         let state = BikeState {
             pose: Pose2::new(x, y, heading.unwrap_or(0.0)),
             steer: start.steer_deg.to_radians(),
@@ -496,8 +497,8 @@ impl Resolver<'_> {
 
     fn goal(&self, field: &Field, path: &PathSource) -> Result<Option<GoalRegion>, SetupError> {
         let section = self.scenario.goal.clone().unwrap_or_default();
-        let named = match path {
-            PathSource::Given(path) => Some(path.end_pose()),
+        let end = match path {
+            PathSource::Given(path) => Some(named(path.end_pose())),
             PathSource::Planned => field.goal,
             PathSource::Standing => return Ok(None),
         };
@@ -508,16 +509,16 @@ impl Resolver<'_> {
                 "add [goal] with x_m and y_m: where the rear wheel shall stop; or a [path] to ride",
             )
         };
-        let Some(x) = section.x_m.or(named.map(|pose| pose.position.x)) else {
+        let Some(x) = section.x_m.or(end.map(|pose| pose.position.x)) else {
             return missing("goal.x_m");
         };
-        let Some(y) = section.y_m.or(named.map(|pose| pose.position.y)) else {
+        let Some(y) = section.y_m.or(end.map(|pose| pose.position.y)) else {
             return missing("goal.y_m");
         };
         let heading = section.heading_deg.map(f64::to_radians).or_else(|| {
             // A goal written without heading is free; one taken from the map keeps the map's.
             (section.x_m.is_none() && section.y_m.is_none())
-                .then(|| named.map(|pose| pose.heading))
+                .then(|| end.and_then(|pose| pose.heading))
                 .flatten()
         });
         let tolerance = match self.scenario.planner.goal {
@@ -752,8 +753,10 @@ impl Resolver<'_> {
     }
 }
 
-impl From<GeometryError> for ScenarioError {
-    fn from(error: GeometryError) -> Self {
-        Self::plain(error.to_string(), "see the path")
+/// An end that a path or the origin names, with its heading.
+fn named(pose: Pose2) -> MapPose {
+    MapPose {
+        position: pose.position,
+        heading: Some(pose.heading),
     }
 }

@@ -3,7 +3,8 @@
 use bikebot_sim::scenario::Origin;
 use bikebot_sim::{Override, ScenarioError, ScenarioFile, json_schema};
 
-const RIDE: &str = "format = 1\nname = \"ride\"\n\n[follow]\nmax_speed_mps = 1.2\n\n[bike]\nm1_kg = 40.0\n";
+const RIDE: &str =
+    "format = 1\nname = \"ride\"\n\n[follow]\nmax_speed_mps = 1.2\n\n[bike]\nm1_kg = 40.0\n";
 
 fn refuse(text: &str, overrides: &[&str]) -> ScenarioError {
     let overrides: Vec<Override> = overrides
@@ -30,7 +31,10 @@ fn an_unknown_key_is_refused_with_the_nearest_known_one() {
 fn an_unknown_section_is_refused_too() {
     let text = "format = 1\nname = \"a\"\n[folow]\n";
     let error = refuse(text, &[]);
-    assert_eq!(error.message, "unknown key `folow` at the top of the scenario");
+    assert_eq!(
+        error.message,
+        "unknown key `folow` at the top of the scenario"
+    );
     assert_eq!(error.help.as_deref(), Some("did you mean `follow`?"));
 }
 
@@ -38,7 +42,10 @@ fn an_unknown_section_is_refused_too() {
 fn a_wrong_type_is_marked_at_the_value() {
     let text = "format = 1\nname = \"a\"\n[follow]\nmax_speed_mps = \"fast\"\n";
     let error = refuse(text, &[]);
-    assert_eq!(error.message, "`follow.max_speed_mps` is the string \"fast\"");
+    assert_eq!(
+        error.message,
+        "`follow.max_speed_mps` is the string \"fast\""
+    );
     assert_eq!(error.help.as_deref(), Some("it takes a number (m/s)"));
     assert_eq!(marked(text, &error), "\"fast\"");
 }
@@ -49,7 +56,10 @@ fn a_wrong_name_lists_the_right_ones() {
     let error = refuse(text, &[]);
     assert_eq!(error.message, "`plant.model` is \"bike3\"");
     assert!(
-        error.help.as_deref().is_some_and(|help| help.starts_with("did you mean \"bike3d\"?")),
+        error
+            .help
+            .as_deref()
+            .is_some_and(|help| help.starts_with("did you mean \"bike3d\"?")),
         "{:?}",
         error.help
     );
@@ -58,9 +68,16 @@ fn a_wrong_name_lists_the_right_ones() {
 #[test]
 fn an_override_at_fault_is_named_and_not_the_file() {
     let error = refuse(RIDE, &["follow.max_speed_mps=nan"]);
-    assert_eq!(error.from_override.as_deref(), Some("--set follow.max_speed_mps"));
+    assert_eq!(
+        error.from_override.as_deref(),
+        Some("--set follow.max_speed_mps")
+    );
     assert_eq!(error.span, None);
-    assert!(error.message.contains("not a finite number"), "{}", error.message);
+    assert!(
+        error.message.contains("not a finite number"),
+        "{}",
+        error.message
+    );
 }
 
 #[test]
@@ -72,7 +89,11 @@ fn a_missing_name_is_asked_for() {
 #[test]
 fn another_format_is_refused() {
     let error = refuse("format = 2\nname = \"a\"\n", &[]);
-    assert!(error.message.starts_with("`format` is 2"), "{}", error.message);
+    assert!(
+        error.message.starts_with("`format` is 2"),
+        "{}",
+        error.message
+    );
 }
 
 #[test]
@@ -85,7 +106,8 @@ fn entries_of_lists_are_found_by_number() {
 
 #[test]
 fn every_value_knows_where_it_came_from() {
-    let file = ScenarioFile::parse(RIDE, &["run.seed=7".parse().expect("key=value")]).expect("valid");
+    let file =
+        ScenarioFile::parse(RIDE, &["run.seed=7".parse().expect("key=value")]).expect("valid");
     let rows = file.explain();
     let origin = |key: &str| {
         rows.iter()
@@ -104,7 +126,11 @@ fn every_value_knows_where_it_came_from() {
 #[test]
 fn a_preset_fills_what_the_file_leaves_out_and_no_more() {
     let text = "format = 1\nname = \"a\"\n[bike]\npreset = \"low_pivot\"\nm1_kg = 41.0\n";
-    let bike = ScenarioFile::parse(text, &[]).expect("valid").scenario.bike.params;
+    let bike = ScenarioFile::parse(text, &[])
+        .expect("valid")
+        .scenario
+        .bike
+        .params;
     let low = bikebot_dynamics::BikeParams::low_pivot();
     assert_eq!(bike.m1, 41.0);
     assert_eq!((bike.l, bike.i2x), (low.l, low.i2x));
@@ -112,8 +138,12 @@ fn a_preset_fills_what_the_file_leaves_out_and_no_more() {
 
 #[test]
 fn the_text_that_is_recorded_gives_the_same_scenario() {
-    let overrides = ["follow.max_speed_mps=2.5", "bike.mode=\"balancer\"", "run.seed=9"]
-        .map(|text| text.parse::<Override>().expect("key=value"));
+    let overrides = [
+        "follow.max_speed_mps=2.5",
+        "bike.mode=\"balancer\"",
+        "run.seed=9",
+    ]
+    .map(|text| text.parse::<Override>().expect("key=value"));
     let file = ScenarioFile::parse(RIDE, &overrides).expect("valid");
     let again = ScenarioFile::parse(&file.text_after_overrides(), &[]).expect("valid");
     assert_eq!(file.scenario, again.scenario);
@@ -121,28 +151,53 @@ fn the_text_that_is_recorded_gives_the_same_scenario() {
 
 /// Every numeric key of the format, read off the schema.
 fn numeric_keys() -> Vec<String> {
-    fn resolve<'s>(root: &'s serde_json::Value, mut schema: &'s serde_json::Value) -> &'s serde_json::Value {
+    fn resolve<'s>(
+        root: &'s serde_json::Value,
+        mut schema: &'s serde_json::Value,
+    ) -> &'s serde_json::Value {
         while let Some(reference) = schema.get("$ref").and_then(|r| r.as_str()) {
-            schema = root.pointer(reference.trim_start_matches('#')).expect("a definition");
+            schema = root
+                .pointer(reference.trim_start_matches('#'))
+                .expect("a definition");
         }
         if let Some(choices) = schema.get("anyOf").and_then(|c| c.as_array()) {
-            if let Some(first) = choices.iter().find(|c| c.get("type").and_then(|t| t.as_str()) != Some("null")) {
+            if let Some(first) = choices
+                .iter()
+                .find(|c| c.get("type").and_then(|t| t.as_str()) != Some("null"))
+            {
                 return resolve(root, first);
             }
         }
         schema
     }
-    fn walk(root: &serde_json::Value, schema: &serde_json::Value, path: &str, keys: &mut Vec<String>) {
+    fn walk(
+        root: &serde_json::Value,
+        schema: &serde_json::Value,
+        path: &str,
+        keys: &mut Vec<String>,
+    ) {
         let schema = resolve(root, schema);
         let is_number = |schema: &serde_json::Value| {
             let kinds = schema.get("type").cloned().unwrap_or_default();
-            kinds == "number" || kinds.as_array().is_some_and(|all| all.iter().any(|kind| kind == "number"))
+            kinds == "number"
+                || kinds
+                    .as_array()
+                    .is_some_and(|all| all.iter().any(|kind| kind == "number"))
         };
         if is_number(schema) {
             keys.push(path.to_owned());
         }
-        for (name, property) in schema.get("properties").and_then(|p| p.as_object()).into_iter().flatten() {
-            let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+        for (name, property) in schema
+            .get("properties")
+            .and_then(|p| p.as_object())
+            .into_iter()
+            .flatten()
+        {
+            let path = if path.is_empty() {
+                name.clone()
+            } else {
+                format!("{path}.{name}")
+            };
             walk(root, property, &path, keys);
         }
     }
@@ -155,14 +210,22 @@ fn numeric_keys() -> Vec<String> {
 #[test]
 fn what_is_not_finite_is_refused_in_every_key_by_name() {
     let keys = numeric_keys();
-    assert!(keys.len() > 80, "only {} numeric keys were found", keys.len());
+    assert!(
+        keys.len() > 80,
+        "only {} numeric keys were found",
+        keys.len()
+    );
     for key in keys {
         for value in ["nan", "-nan", "inf", "-inf", "1e308", "-1e308"] {
             let error = match ScenarioFile::parse(RIDE, &[Override::new(key.clone(), value)]) {
                 Err(error) => error,
                 Ok(_) => panic!("{key} = {value} was accepted"),
             };
-            assert_eq!(error.key.as_deref(), Some(key.as_str()), "{key} = {value}: {error}");
+            assert_eq!(
+                error.key.as_deref(),
+                Some(key.as_str()),
+                "{key} = {value}: {error}"
+            );
         }
     }
 }
@@ -172,13 +235,22 @@ fn typing_slips_of_every_key_are_put_right() {
     let mut right = 0;
     let mut all = 0;
     for key in numeric_keys() {
-        let Some((section, name)) = key.split_once('.') else { continue };
+        let Some((section, name)) = key.split_once('.') else {
+            continue;
+        };
         if name.contains('.') || name.len() < 4 {
             continue;
         }
         // Leave out the letter in the middle.
-        let slip: String = name.char_indices().filter(|(i, _)| *i != name.len() / 2).map(|(_, c)| c).collect();
-        let error = refuse(&format!("format = 1\nname = \"a\"\n[{section}]\n{slip} = 1.0\n"), &[]);
+        let slip: String = name
+            .char_indices()
+            .filter(|(i, _)| *i != name.len() / 2)
+            .map(|(_, c)| c)
+            .collect();
+        let error = refuse(
+            &format!("format = 1\nname = \"a\"\n[{section}]\n{slip} = 1.0\n"),
+            &[],
+        );
         all += 1;
         right += usize::from(error.help.as_deref() == Some(&format!("did you mean `{name}`?")));
     }

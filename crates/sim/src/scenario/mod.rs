@@ -98,6 +98,9 @@ pub struct MapSection {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1000.0))]
     pub scale: Option<f64>,
+    /// Reads unknown cells of a grid map as free instead of solid.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub unknown_is_free: bool,
     /// Field of a map made of shapes: `[min x, min y, max x, max y]`, m. Its edge is a wall.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1.0e6, max = 1.0e6)))]
