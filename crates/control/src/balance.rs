@@ -247,3 +247,87 @@ pub(crate) fn check_period(period: f64) -> Result<(), ControlError> {
         Err(ControlError::ControlPeriod { period })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hands_over_where_the_decoupling_term_nearly_vanishes() {
+        let bike = BikeParams::default();
+        let mut law = BalanceLaw::new(&bike, &BalanceParams::default(), 0.0).unwrap();
+        let tick = |law: &mut BalanceLaw, roll: f64| {
+            let state = TwoLinkState {
+                roll,
+                ..TwoLinkState::default()
+            };
+            law.tick(
+                &state,
+                &TurnMoment::default(),
+                &OutputReference::default(),
+                0.005,
+            )
+        };
+        let upright = tick(&mut law, 0.0);
+        assert!(
+            (upright.decoupling - 1.0).abs() < 1e-12 && !upright.fallback && upright.torque == 0.0
+        );
+        // In flywheel mode D falls with the cosine of the roll: below a tenth beyond 84 deg.
+        let lying = tick(&mut law, 85f64.to_radians());
+        assert!(lying.fallback && lying.torque.is_finite());
+        assert!(!tick(&mut law, 80f64.to_radians()).fallback);
+    }
+
+    #[test]
+    fn only_brakes_a_balancer_at_its_greatest_speed() {
+        let bike = BikeParams::default();
+        let mut law = BalanceLaw::new(&bike, &BalanceParams::default(), 0.0).unwrap();
+        for (roll, rate) in [(0.1, 40.5), (-0.1, -40.5)] {
+            let state = TwoLinkState {
+                roll,
+                balancer_rate: rate,
+                ..TwoLinkState::default()
+            };
+            let out = law.tick(
+                &state,
+                &TurnMoment::default(),
+                &OutputReference::default(),
+                0.005,
+            );
+            assert!(out.torque * rate <= 0.0, "{out:?}");
+        }
+    }
+
+    #[test]
+    fn refuses_a_bike_whose_balancer_has_no_authority() {
+        // A balancer without inertia of its own, pivoted in the bike's centre: nothing to push against.
+        let bike = BikeParams {
+            i2x: 0.0,
+            ..BikeParams::default()
+        };
+        assert!(matches!(
+            BalanceLaw::new(&bike, &BalanceParams::default(), 0.0),
+            Err(ControlError::NoBalanceAuthority { .. })
+        ));
+    }
+
+    #[test]
+    fn parameters_survive_being_written_down() {
+        let params = BalanceParams {
+            kappa: 1.5,
+            preview: false,
+            ..BalanceParams::default()
+        };
+        let text = serde_json::to_string(&params).unwrap();
+        assert!(text.contains("kappa_per_s"));
+        assert_eq!(
+            serde_json::from_str::<BalanceParams>(&text).unwrap(),
+            params
+        );
+        assert!(serde_json::from_str::<BalanceParams>(r#"{"kapa_per_s": 1.0}"#).is_err());
+        assert_eq!(
+            serde_json::from_str::<crate::FollowParams>("{}").unwrap(),
+            crate::FollowParams::default()
+        );
+    }
+}

@@ -22,6 +22,7 @@ use crate::controller::{Controller, check_finite};
 use crate::error::ControlError;
 use crate::followed_path::{FollowedPath, RideLimits};
 use crate::lean_reference::{LeanReference, PlaneMotion};
+use crate::look_ahead::LookAhead;
 use crate::lyapunov::{AugmentedEnergy, EnergyAccount};
 use crate::observer::DriveObserver;
 use crate::output_zeroing::OutputReference;
@@ -98,8 +99,8 @@ pub struct ControlOutput {
 #[derive(Debug, Clone, Copy)]
 struct PlaneCommand {
     acceleration: f64,
+    /// Before the limits of the steering, rad/s.
     steer_rate: f64,
-    steer_saturated: bool,
     energy: AugmentedEnergy,
 }
 
@@ -109,6 +110,7 @@ pub struct RideController {
     bike: BikeParams,
     follow: FollowParams,
     assist: Option<(f64, f64)>,
+    look_ahead: LookAhead,
     path: FollowedPath,
     pvfc: Pvfc,
     account: EnergyAccount,
@@ -149,12 +151,13 @@ impl RideController {
         };
         let path = FollowedPath::new(path, follow, &limits)?;
         let law = BalanceLaw::new(bike, balance, bike.offset(mode))?;
-        let (point, point_rate) = followed_point(bike, follow, start);
-        let projection = path.project(
-            Point2::from(point),
-            follow.look_ahead,
-            2.0 * follow.look_ahead,
-        );
+        let look_ahead = LookAhead {
+            distance: follow.look_ahead,
+            wheelbase: bike.wheelbase,
+            speed_floor: follow.steering_speed_floor,
+        };
+        let (point, point_rate) = (look_ahead.point(start), look_ahead.velocity(start));
+        let projection = path.project(point, follow.look_ahead, 2.0 * follow.look_ahead);
         let along = path.sample(projection.s).heading;
         let field = VelocityField::new(follow, path.speed_max());
         let virtual_rate = point_rate
@@ -168,6 +171,7 @@ impl RideController {
             assist: balance
                 .steering_assist
                 .then_some((balance.assist_gain, balance.assist_dead_zone)),
+            look_ahead,
             path,
             pvfc,
             account: EnergyAccount::default(),
@@ -219,12 +223,10 @@ impl RideController {
         let dt = self.period;
         let (sin, cos) = m.steer.sin_cos();
         let (tan, cos2) = (sin / cos, cos * cos);
-        let yaw_rate = m.speed * tan / self.bike.wheelbase;
-        let (point, point_rate) = followed_point(&self.bike, &self.follow, m);
+        let yaw_rate = self.look_ahead.yaw_rate(m);
+        let (point, point_rate) = (self.look_ahead.point(m), self.look_ahead.velocity(m));
 
-        let projection = self
-            .path
-            .project(Point2::from(point), self.arc_length, PROJECTION_REACH);
+        let projection = self.path.project(point, self.arc_length, PROJECTION_REACH);
         self.arc_length = projection.s;
         let remaining = self.path.remaining(m.pose.position, projection.s);
         self.advance_phase(m.speed, remaining);
@@ -236,11 +238,10 @@ impl RideController {
                     self.follow.drive_acceleration,
                 ),
                 steer_rate: 0.0,
-                steer_saturated: false,
                 energy: self.account.rest(),
             }
         } else {
-            self.follow_path(m, point, point_rate, yaw_rate, remaining)
+            self.follow_path(m, point, point_rate, remaining)
         };
 
         let mass = self.bike.mass();
@@ -258,7 +259,8 @@ impl RideController {
         let state = TwoLinkState::from(m);
         let reference = self.lean_reference(m, &turn, plane.acceleration);
         let balance = self.law.tick(&state, &turn, &reference, dt);
-        let steer_rate = self.assisted(plane.steer_rate, m, cos2);
+        let wanted_steer_rate = plane.steer_rate + self.assisting_steer_rate(m, cos2);
+        let steer_rate = self.steerable(wanted_steer_rate, m.steer);
 
         let lean_held =
             reference.value - balance.moment_estimate / self.law.model().toppling_stiffness();
@@ -271,7 +273,7 @@ impl RideController {
             offset: self.supervisor.offset(),
             mode: self.supervisor.mode(),
             phase: self.phase,
-            followed_point: Point2::from(point),
+            followed_point: point,
             desired_point: self.path.sample(self.pvfc.virtual_time()).position,
             virtual_time: self.pvfc.virtual_time(),
             followed_speed: point_rate.norm(),
@@ -283,7 +285,7 @@ impl RideController {
             decoupling: balance.decoupling,
             fallback: balance.fallback,
             drive_saturated: drive_force != wanted_force,
-            steer_saturated: plane.steer_saturated,
+            steer_saturated: steer_rate != wanted_steer_rate,
             balancer_saturated: balance.saturated,
             drive_estimate: self.drive.acceleration(),
             energy: plane.energy,
@@ -317,39 +319,35 @@ impl RideController {
     fn follow_path(
         &mut self,
         m: &Measurement,
-        point: Vector2,
+        point: Point2,
         point_rate: Vector2,
-        yaw_rate: f64,
         remaining: f64,
     ) -> PlaneCommand {
-        let (f, ell) = (&self.follow, self.follow.look_ahead);
+        let f = &self.follow;
         let step = self.pvfc.step(&self.path, point, point_rate, self.period);
         let energy = self
             .account
             .enter(&step, point_rate, f.point_mass, self.period);
-        let (forward, left) = (m.pose.direction(), m.pose.left_normal());
-        let wanted = step.acceleration.dot(&forward) + ell * yaw_rate * yaw_rate;
-        let mut acceleration = wanted;
-        let mut steering_share = 1.0;
-        if self.phase == Phase::Brake {
-            acceleration = self.braking_acceleration(m.speed, remaining);
+        let (acceleration, steering_share) = if self.phase == Phase::Brake {
             // Standing still, no steering angle moves the point sideways: let it fade out.
-            steering_share = (m.speed / f.steering_speed_floor).clamp(0.0, 1.0);
-        }
+            (
+                self.braking_acceleration(m.speed, remaining),
+                (m.speed / f.steering_speed_floor).clamp(0.0, 1.0),
+            )
+        } else {
+            (
+                self.look_ahead.forward_acceleration(m, step.acceleration),
+                1.0,
+            )
+        };
         let acceleration = acceleration.clamp(-f.drive_deceleration, f.drive_acceleration);
-        let yaw_acceleration = (step.acceleration.dot(&left) - m.speed * yaw_rate) / ell;
-        let (sin, cos) = m.steer.sin_cos();
-        let wanted = steering_share
-            * (self.bike.wheelbase * yaw_acceleration * cos * cos - acceleration * sin * cos)
-            / m.speed.max(f.steering_speed_floor);
-        let mut steer_rate = wanted.clamp(-self.bike.steer_rate_max, self.bike.steer_rate_max);
-        if m.steer.abs() >= self.bike.steer_max() && steer_rate * m.steer > 0.0 {
-            steer_rate = 0.0;
-        }
+        let yaw_acceleration = self.look_ahead.yaw_acceleration(m, step.acceleration);
         PlaneCommand {
             acceleration,
-            steer_rate,
-            steer_saturated: steer_rate != wanted,
+            steer_rate: steering_share
+                * self
+                    .look_ahead
+                    .steer_rate(m, acceleration, yaw_acceleration),
             energy,
         }
     }
@@ -414,17 +412,17 @@ impl RideController {
         m.roll + m.roll_rate / self.law.model().toppling_rate() - self.lean.divergent()
     }
 
-    /// Steers into a fall when the balancer alone may not be enough.
-    fn assisted(&self, steer_rate: f64, m: &Measurement, cos2: f64) -> f64 {
+    /// What steers into a fall when the balancer alone may not be enough, rad/s.
+    fn assisting_steer_rate(&self, m: &Measurement, cos2: f64) -> f64 {
         /// Below this speed steering makes hardly any moment, m/s.
         const SPEED_FLOOR: f64 = 0.4;
         /// The yaw rate is corrected within this time, s.
         const TIME: f64 = 0.1;
         let Some((gain, dead_zone)) = self.assist else {
-            return steer_rate;
+            return 0.0;
         };
         if self.phase == Phase::Hold {
-            return steer_rate;
+            return 0.0;
         }
         let error = self.divergent_error(m);
         let beyond = error - error.clamp(-dead_zone, dead_zone);
@@ -432,14 +430,15 @@ impl RideController {
         let model = self.law.model();
         let yaw_rate =
             -gain * model.toppling_stiffness() * beyond / (model.centripetal_arm() * speed);
-        let limit = self.bike.steer_rate_max;
-        let assisted = steer_rate + self.bike.wheelbase * cos2 / speed * yaw_rate / TIME;
-        let assisted = assisted.clamp(-limit, limit);
-        if m.steer.abs() >= self.bike.steer_max() && assisted * m.steer > 0.0 {
-            0.0
-        } else {
-            assisted
+        self.bike.wheelbase * cos2 / speed * yaw_rate / TIME
+    }
+
+    /// A steering rate within the limits of the servo, and none into a stop.
+    fn steerable(&self, rate: f64, steer: f64) -> f64 {
+        if steer.abs() >= self.bike.steer_max() && rate * steer > 0.0 {
+            return 0.0;
         }
+        rate.clamp(-self.bike.steer_rate_max, self.bike.steer_rate_max)
     }
 }
 
@@ -449,14 +448,4 @@ impl Controller for RideController {
     fn tick(&mut self, measurement: &Measurement) -> Result<ControlOutput, ControlError> {
         Self::tick(self, measurement)
     }
-}
-
-/// The look-ahead point and its velocity, world frame.
-fn followed_point(bike: &BikeParams, follow: &FollowParams, m: &Measurement) -> (Vector2, Vector2) {
-    let (forward, left) = (m.pose.direction(), m.pose.left_normal());
-    let yaw_rate = m.speed * m.steer.tan() / bike.wheelbase;
-    (
-        m.pose.position.coords + forward * follow.look_ahead,
-        forward * m.speed + left * (follow.look_ahead * yaw_rate),
-    )
 }

@@ -280,6 +280,11 @@ fn divide(length: f64) -> (usize, f64) {
     (n, length / n as f64)
 }
 
+/// Number of samples of a symmetric window: odd, so that averaging shifts nothing.
+fn odd_count(window: f64, step: f64) -> usize {
+    2 * ((0.5 * window / step).round() as usize) + 1
+}
+
 /// The plan at arc length `s`, continued straight beyond both ends.
 fn extended(path: &CurvePath, s: f64) -> (Point2, f64, f64) {
     let length = path.length();
@@ -315,7 +320,7 @@ fn look_ahead_curve(path: &CurvePath, params: &FollowParams, lateral: f64) -> Cu
             .iter()
             .map(|k| corner_speed(*k, lateral, params.max_speed))
             .collect(),
-        curvatures: moving_average(&curvatures, (params.curvature_window / step) as usize),
+        curvatures: moving_average(&curvatures, odd_count(params.curvature_window, step)),
         step,
     }
 }
@@ -328,9 +333,8 @@ fn rear_curve(
     lateral: f64,
 ) -> Result<Curve, ControlError> {
     let (n, h) = divide(path.length());
-    let odd = |window: f64| 2 * ((0.5 * window / h).round() as usize) + 1;
-    let wide = odd(params.smoothing_window);
-    let narrow = odd(params.smoothing_window * ROUNDING_SHARE);
+    let wide = odd_count(params.smoothing_window, h);
+    let narrow = odd_count(params.smoothing_window * ROUNDING_SHARE, h);
     let pad = (wide + narrow) / 2 + 2;
     let planned: Vec<_> = (0..n + 2 * pad + 1)
         .map(|i| extended(path, (i as f64 - pad as f64) * h))
@@ -415,4 +419,123 @@ fn rear_curve(
         speed_limits,
         step,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bikebot_geometry::FergusonCurve;
+
+    const LIMITS: RideLimits = RideLimits {
+        wheelbase: 1.12,
+        steer_rate: 2.0,
+        lateral_acceleration: 3.0,
+    };
+
+    /// A straight, a left bend of about 0.7 1/m and a straight: curvature jumps at both joints.
+    fn bend() -> CurvePath {
+        let radius = 1.0 / 0.7;
+        let (a, b) = (Pose2::new(0.0, 0.0, 0.0), Pose2::new(2.0, 0.0, 0.0));
+        let c = Pose2::new(2.0 + radius * 1f64.sin(), radius * (1.0 - 1f64.cos()), 1.0);
+        let d = c.compose(&Pose2::new(2.0, 0.0, 0.0));
+        CurvePath::new(vec![
+            FergusonCurve::straight(a.position, b.position),
+            FergusonCurve::between(b, c, radius),
+            FergusonCurve::straight(c.position, d.position),
+        ])
+        .unwrap()
+    }
+
+    #[test]
+    fn refuses_a_path_of_no_length() {
+        let path = CurvePath::new(vec![FergusonCurve::straight(
+            Point2::origin(),
+            Point2::new(0.1, 0.0),
+        )])
+        .unwrap();
+        assert!(matches!(
+            FollowedPath::new(&path, &FollowParams::default(), &LIMITS),
+            Err(ControlError::PathTooShort { .. })
+        ));
+    }
+
+    #[test]
+    fn on_a_straight_the_curve_runs_the_look_ahead_in_front() {
+        let path = CurvePath::new(vec![FergusonCurve::straight(
+            Point2::origin(),
+            Point2::new(5.0, 0.0),
+        )])
+        .unwrap();
+        for track in [Track::RearContact, Track::LookAheadPoint] {
+            let params = FollowParams {
+                track,
+                ..FollowParams::default()
+            };
+            let followed = FollowedPath::new(&path, &params, &LIMITS).unwrap();
+            let end = followed.sample(followed.length()).position;
+            // Sums of 500 steps.
+            assert!((end - Point2::new(5.5, 0.0)).norm() < 1e-9);
+            assert!(
+                followed.remaining(Point2::new(4.9, 0.0), followed.length() - 0.1) - 0.1 < 1e-9
+            );
+            assert!(
+                (followed.project(Point2::new(2.0, 0.03), 2.0, 1.0).lateral - 0.03).abs() < 1e-12
+            );
+        }
+    }
+
+    #[test]
+    fn a_rear_contact_that_trails_the_curve_stays_on_the_plan() {
+        let path = bend();
+        let params = FollowParams::default();
+        let followed = FollowedPath::new(&path, &params, &LIMITS).unwrap();
+        // Drag a rod of the look-ahead's length along the curve: its tail is the rear contact.
+        let (mut heading, mut worst, mut steepest) = (0.0f64, 0.0f64, 0.0f64);
+        let (step, mut before) = (0.001, 0.0);
+        let n = (followed.length() / step) as usize;
+        for i in 0..n {
+            let sample = followed.sample(i as f64 * step);
+            let slip = sample.heading - heading;
+            let steer = (LIMITS.wheelbase * slip.tan() / params.look_ahead).atan();
+            if i > 0 {
+                steepest = steepest.max((steer - before).abs() / step * sample.speed);
+            }
+            before = steer;
+            heading += slip.sin() / params.look_ahead * step;
+            let rear =
+                sample.position - Vector2::new(heading.cos(), heading.sin()) * params.look_ahead;
+            worst = worst.max(path.project(rear, 0.0, path.length()).distance);
+        }
+        // Averaging over 0.6 m moves a bend of 0.7 1/m by 0.7 (0.36 + 0.04)/24 = 12 mm.
+        assert!(worst < 0.014, "{worst}");
+        // The speed profile keeps the steering within its rate; the linear table adds a little.
+        assert!(steepest < LIMITS.steer_rate, "{steepest}");
+    }
+
+    #[test]
+    fn the_riding_speed_ends_at_standstill_and_never_exceeds_the_profile() {
+        let followed = FollowedPath::new(&bend(), &FollowParams::default(), &LIMITS).unwrap();
+        let length = followed.length();
+        assert_eq!(followed.riding_sample(length).speed, 0.0);
+        assert_eq!(followed.riding_sample(length + 1.0).speed, 0.0);
+        for i in 0..200 {
+            let s = length * f64::from(i) / 200.0;
+            assert!(followed.riding_sample(s).speed <= followed.sample(s).speed);
+        }
+        // From 0.3 m/s at half a metre per second squared: 9 cm.
+        assert!((followed.braking_speed(0.09) - 0.3).abs() < 1e-12);
+    }
+
+    #[test]
+    fn straight_on_beyond_both_ends() {
+        let followed = FollowedPath::new(&bend(), &FollowParams::default(), &LIMITS).unwrap();
+        let end = followed.sample(followed.length());
+        let beyond = followed.sample(followed.length() + 2.0);
+        let gone = beyond.position - end.position;
+        assert!(
+            (gone.norm() - 2.0).abs() < 1e-12 && (gone.y.atan2(gone.x) - end.heading).abs() < 1e-12
+        );
+        let before = followed.sample(-1.0).position - followed.sample(0.0).position;
+        assert!((before.norm() - 1.0).abs() < 1e-12);
+    }
 }

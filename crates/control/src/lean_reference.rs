@@ -163,3 +163,89 @@ impl LeanReference {
         xi
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::followed_path::RideLimits;
+    use crate::params::{FollowParams, Track};
+    use bikebot_dynamics::BikeParams;
+    use bikebot_geometry::{CurvePath, FergusonCurve, Point2};
+
+    fn reference(params: &BalanceParams) -> (LeanReference, RollModel) {
+        let model = RollModel::new(&BikeParams::default(), 0.0);
+        (LeanReference::new(params, &model, 0.5, 0.0), model)
+    }
+
+    fn straight() -> FollowedPath {
+        let path = CurvePath::new(vec![FergusonCurve::straight(
+            Point2::origin(),
+            Point2::new(50.0, 0.0),
+        )])
+        .unwrap();
+        let limits = RideLimits {
+            wheelbase: 1.12,
+            steer_rate: 2.0,
+            lateral_acceleration: 3.0,
+        };
+        let params = FollowParams {
+            track: Track::LookAheadPoint,
+            ..FollowParams::default()
+        };
+        FollowedPath::new(&path, &params, &limits).unwrap()
+    }
+
+    #[test]
+    fn a_straight_asks_for_no_lean() {
+        let (mut lean, model) = reference(&BalanceParams::default());
+        let motion = PlaneMotion {
+            pose: Pose2::new(10.0, 0.0, 0.0),
+            speed: 1.5,
+            yaw_rate: 0.0,
+            yaw_acceleration: 0.0,
+        };
+        lean.look(&model, &straight(), &motion, 10.5);
+        assert!(lean.divergent().abs() < 1e-12);
+    }
+
+    #[test]
+    fn weights_sum_to_the_share_of_the_integral_they_cover() {
+        let (lean, model) = reference(&BalanceParams::default());
+        let sum: f64 = lean.weights.iter().sum();
+        // A geometric series: 1 - exp(-lambda N h).
+        assert!((sum - (1.0 - (-model.toppling_rate() * 45.0 * 0.04).exp())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_filter_settles_on_a_steady_turn_and_its_derivatives_are_its_own() {
+        let (mut lean, model) = reference(&BalanceParams {
+            preview: false,
+            ..BalanceParams::default()
+        });
+        let motion = PlaneMotion {
+            pose: Pose2::new(10.0, 0.0, 0.0),
+            speed: 1.2,
+            yaw_rate: 0.5,
+            yaw_acceleration: 0.0,
+        };
+        let equilibrium = model.equilibrium_lean(0.6, 0.0);
+        let path = straight();
+        let dt = 0.0005;
+        let mut before: Option<OutputReference> = None;
+        for tick in 0..8000 {
+            lean.look(&model, &path, &motion, 10.5);
+            let now = lean.tick(equilibrium, dt);
+            if let Some(last) = before {
+                // Explicit Euler: the value moves by exactly its stated rate.
+                assert!((now.value - last.value - dt * last.derivatives[0]).abs() < 1e-15);
+                if tick > 1 {
+                    let second = (now.derivatives[0] - last.derivatives[0]) / dt;
+                    // First-order difference over half a millisecond of signals below 1 rad/s^3.
+                    assert!((second - last.derivatives[1]).abs() < 2e-3);
+                }
+            }
+            before = Some(now);
+        }
+        assert!((lean.lean() - equilibrium).abs() < 1e-5);
+    }
+}

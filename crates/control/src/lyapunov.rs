@@ -102,3 +102,58 @@ impl EnergyAccount {
         self.closed
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::velocity_field::FieldValue;
+    use nalgebra::Vector4;
+
+    fn step(stored: f64, force: Vector2, regulator_power: f64, euler_excess: f64) -> PvfcStep {
+        let field = FieldValue {
+            velocity: Vector4::zeros(),
+            rate: Vector4::zeros(),
+            error: Vector2::zeros(),
+        };
+        PvfcStep {
+            acceleration: force / 50.0,
+            field,
+            force,
+            stored,
+            regulator_power,
+            euler_excess,
+        }
+    }
+
+    #[test]
+    fn a_push_is_supplied_work_and_a_gift_is_a_violation() {
+        let (mass, dt) = (50.0, 0.005);
+        let mut account = EnergyAccount::default();
+        let (slow, fast) = (Vector2::new(1.0, 0.0), Vector2::new(1.1, 0.0));
+        account.enter(&step(25.0, Vector2::zeros(), 0.0, 0.0), slow, mass, dt);
+        // From 1.0 to 1.1 m/s without a force of ours: 5.25 J from outside.
+        let pushed = account.enter(&step(30.25, Vector2::zeros(), 0.0, 0.0), fast, mass, dt);
+        assert!((pushed.supplied_power * dt - 5.25).abs() < 1e-12);
+        assert!(!pushed.is_violated(dt));
+        // The same energy again, but the point has not moved any faster: software made it up.
+        let gift = account.enter(&step(30.26, Vector2::zeros(), 0.0, 0.0), fast, mass, dt);
+        assert!(gift.is_violated(dt) && (gift.unexplained(dt) - 0.01).abs() < 1e-8);
+    }
+
+    #[test]
+    fn nothing_rises_at_rest() {
+        let mut account = EnergyAccount::default();
+        account.enter(
+            &step(20.0, Vector2::zeros(), 1.0, 0.0),
+            Vector2::zeros(),
+            50.0,
+            0.005,
+        );
+        let rest = account.rest();
+        assert_eq!(
+            (rest.rise, rest.supplied_power, rest.stored),
+            (0.0, 0.0, 20.0)
+        );
+        assert!(!rest.is_violated(0.005));
+    }
+}

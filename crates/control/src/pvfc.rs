@@ -11,7 +11,7 @@
 //! restores the energy level that slopes and drag take away; it is not part of the passive law
 //! and is accounted for separately ([`crate::lyapunov`]).
 
-use bikebot_geometry::Vector2;
+use bikebot_geometry::{Point2, Vector2};
 use nalgebra::Vector4;
 
 use crate::followed_path::FollowedPath;
@@ -125,7 +125,7 @@ impl Pvfc {
     pub fn step(
         &mut self,
         path: &FollowedPath,
-        point: Vector2,
+        point: Point2,
         point_rate: Vector2,
         dt: f64,
     ) -> PvfcStep {
@@ -159,6 +159,61 @@ impl Pvfc {
             stored,
             regulator_power,
             euler_excess,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_coupling_does_no_work(
+            q in prop::array::uniform4(-3.0f64..3.0),
+            v in prop::array::uniform4(-3.0f64..3.0),
+            rate in prop::array::uniform4(-3.0f64..3.0),
+        ) {
+            let inertia = Vector4::new(50.0, 50.0, 25.0, 25.0);
+            let velocity = Vector4::from(q);
+            let field = FieldValue {
+                velocity: Vector4::from(v),
+                rate: Vector4::from(rate),
+                error: Vector2::zeros(),
+            };
+            let force = coupling_force(&inertia, &velocity, &field, 160.0, 0.02);
+            // Terms of the order of 1e4 W cancel.
+            prop_assert!(force.dot(&velocity).abs() < 1e-9);
+        }
+
+        #[test]
+        fn the_energy_rises_by_the_regulator_and_the_euler_step_alone(
+            x in 0.0f64..2.0, y in -0.3f64..0.3, speed in 0.2f64..1.4, heading in -0.5f64..0.5,
+        ) {
+            use crate::followed_path::RideLimits;
+            use bikebot_geometry::{CurvePath, FergusonCurve};
+            let path = CurvePath::new(vec![FergusonCurve::straight(
+                Point2::new(0.0, 0.0),
+                Point2::new(6.0, 0.0),
+            )]).unwrap();
+            let params = FollowParams::default();
+            let limits = RideLimits { wheelbase: 1.12, steer_rate: 2.0, lateral_acceleration: 3.0 };
+            let path = FollowedPath::new(&path, &params, &limits).unwrap();
+            let field = VelocityField::new(&params, path.speed_max());
+            let mut rate = Vector2::new(speed * heading.cos(), speed * heading.sin());
+            let mut point = Point2::new(x + 0.5, y);
+            let mut pvfc = Pvfc::new(&params, field, x, speed, rate);
+            let dt = 0.005;
+            for _ in 0..200 {
+                let before = pvfc.stored_energy(rate);
+                let step = pvfc.step(&path, point, rate, dt);
+                // The ideal point does as it is told.
+                point += rate * dt + step.acceleration * (0.5 * dt * dt);
+                rate += step.acceleration * dt;
+                let rise = pvfc.stored_energy(rate) - before;
+                prop_assert!((rise - dt * step.regulator_power - step.euler_excess).abs() < 1e-10);
+            }
         }
     }
 }

@@ -13,7 +13,7 @@
 //! not need. On the field the contour error decays at `Gamma`, and the virtual time waits for a
 //! bike that lags.
 
-use bikebot_geometry::Vector2;
+use bikebot_geometry::{Point2, Vector2};
 use nalgebra::Vector4;
 
 use crate::followed_path::PathSample;
@@ -81,14 +81,14 @@ impl VelocityField {
     pub fn evaluate(
         &self,
         sample: &PathSample,
-        point: Vector2,
+        point: Point2,
         point_rate: Vector2,
         s_rate: f64,
     ) -> FieldValue {
         let (sin, cos) = sample.heading.sin_cos();
         let (t, n) = (Vector2::new(cos, sin), Vector2::new(-sin, cos));
         let (rho, rho_rate) = (sample.speed, sample.speed_slope * s_rate);
-        let error = point - sample.position.coords;
+        let error = point - sample.position;
         let error_rate = point_rate - t * s_rate;
         let distance = error.norm();
         let (held, held_rate) = if distance > self.error_max {
@@ -117,5 +117,51 @@ impl VelocityField {
             rate: Vector4::new(v_p_rate.x, v_p_rate.y, v_s_rate, v_f_rate),
             error,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bikebot_geometry::Point2;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn holds_the_same_energy_everywhere(
+            x in -2.0f64..2.0, y in -2.0f64..2.0, heading in -4.0f64..4.0,
+            curvature in -0.8f64..0.8, speed in 0.0f64..1.5, slope in -1.0f64..1.0,
+            vx in -1.0f64..1.0, vy in -1.0f64..1.0, s_rate in 0.0f64..1.5,
+        ) {
+            let field = VelocityField::new(&FollowParams::default(), 1.5);
+            let sample = PathSample {
+                position: Point2::new(0.1, -0.2), heading, curvature, speed, speed_slope: slope,
+            };
+            let v = field.evaluate(&sample, Point2::new(x, y), Vector2::new(vx, vy), s_rate);
+            let m = field.inertia();
+            let energy = 0.5 * v.velocity.dot(&m.component_mul(&v.velocity));
+            prop_assert!((energy - field.energy()).abs() < 1e-10 * field.energy());
+            // And keeps it: V' is tangent to the sphere of that energy.
+            prop_assert!(v.velocity.dot(&m.component_mul(&v.rate)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn pulls_no_harder_beyond_the_saturation_distance() {
+        let field = VelocityField::new(&FollowParams::default(), 1.5);
+        let sample = PathSample {
+            position: Point2::origin(),
+            heading: 0.0,
+            curvature: 0.0,
+            speed: 1.0,
+            speed_slope: 0.0,
+        };
+        let at = |y: f64| {
+            field
+                .evaluate(&sample, Point2::new(0.0, y), Vector2::zeros(), 1.0)
+                .velocity[1]
+        };
+        assert!((at(0.3) + 1.2 * 0.3).abs() < 1e-15);
+        assert!((at(3.0) + 1.2 * 0.5).abs() < 1e-15);
     }
 }

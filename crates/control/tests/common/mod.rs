@@ -8,8 +8,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use bikebot_control::{BalanceParams, ControlOutput, FollowParams, Phase, RideController};
 use bikebot_dynamics::{
-    Actuators, BalancerMode, Bike, BikeInput, BikeParams, BikeState, Integrator, Measurement, Rk4, SensorParams,
-    Sensors,
+    Actuators, BalancerMode, Bike, BikeInput, BikeParams, BikeState, Integrator, Measurement, Rk4,
+    SensorParams, Sensors,
 };
 use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Pose2};
 
@@ -31,6 +31,14 @@ pub fn demo_course() -> CurvePath {
     CurvePath::new(segments).unwrap()
 }
 
+/// How long a ride lasts, within its duration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Until {
+    Braking,
+    Rest,
+    Duration,
+}
+
 /// One ride.
 #[derive(Clone)]
 pub struct Ride {
@@ -44,15 +52,16 @@ pub struct Ride {
     pub sensors: SensorParams,
     pub speed: f64,
     pub roll: f64,
+    /// Where the bike stands beside the start, m to the left, and its heading off it, rad.
+    pub offset: f64,
+    pub heading: f64,
     pub slope_force: f64,
     pub roll_moment: f64,
     /// Start, duration and moment of a push, s and N m.
     pub push: Option<(f64, f64, f64)>,
     pub mode_request: Option<(f64, BalancerMode, f64)>,
     pub duration: f64,
-    /// Stop as soon as the bike is at rest.
-    pub until_rest: bool,
-    pub verbose: bool,
+    pub until: Until,
 }
 
 impl Ride {
@@ -66,20 +75,24 @@ impl Ride {
             sensors: SensorParams::default(),
             speed: 0.3,
             roll: 0.0,
+            offset: 0.0,
+            heading: 0.0,
             slope_force: 0.0,
             roll_moment: 0.0,
             push: None,
             mode_request: None,
             duration: 120.0,
-            until_rest: true,
-            verbose: false,
+            until: Until::Rest,
         }
     }
 
     pub fn run(&self, path: &CurvePath) -> Report {
         let bike = Bike::new(self.truth);
         let mut actuators = Actuators::new(&self.truth);
-        let mut state = BikeState::upright(path.start_pose(), self.speed);
+        let begin = path
+            .start_pose()
+            .compose(&Pose2::new(0.0, self.offset, self.heading));
+        let mut state = BikeState::upright(begin, self.speed);
         state.roll = self.roll;
         let rng = rand_chacha_stream();
         let mut sensors = Sensors::new(&self.sensors, &self.truth, CONTROL_PERIOD, rng);
@@ -94,14 +107,24 @@ impl Ride {
             CONTROL_PERIOD,
         )
         .unwrap();
-        let mut r = Report { start: state.pose.position, load_min: f64::INFINITY, ..Report::default() };
-        let (mut square_error, mut error_count, mut square_torque, mut cruise_ticks) = (0.0, 0usize, 0.0, 0usize);
+        let mut r = Report {
+            start: state.pose.position,
+            load_min: f64::INFINITY,
+            ..Report::default()
+        };
+        let (mut square_error, mut error_count, mut square_torque, mut cruise_ticks) =
+            (0.0, 0usize, 0.0, 0usize);
         let curvature_max = (0..=1000).fold((0.0, 0.0), |best: (f64, f64), i| {
             let s = path.length() * f64::from(i) / 1000.0;
             let k = path.at(s).curvature.abs();
-            if s > 1.5 && s < path.length() - 1.5 && k > best.1 { (s, k) } else { best }
+            if s > 1.5 && s < path.length() - 1.5 && k > best.1 {
+                (s, k)
+            } else {
+                best
+            }
         });
         let mut rear_s = 0.0;
+        let (mut airborne, mut sliding) = (0usize, 0usize);
         let ticks = (self.duration / CONTROL_PERIOD).round() as usize;
         for tick in 0..ticks {
             let t = tick as f64 * CONTROL_PERIOD;
@@ -112,66 +135,81 @@ impl Ride {
             }
             let m = sensors.measure(t, &state, actuators.steer_rate());
             let out = controller.tick(&m).unwrap();
-            r.tick(&out, &state);
             let riding = matches!(out.phase, Phase::Start | Phase::Cruise);
+            if !riding && self.until == Until::Braking {
+                break;
+            }
+            r.watch(&out, &state);
             if riding {
                 r.cruise_time = t;
                 square_torque += out.command.balancer_torque.powi(2);
                 cruise_ticks += 1;
-                r.torque_cruise_max = r.torque_cruise_max.max(out.command.balancer_torque.abs());
             }
             if (state.pose.position - r.start).norm() > 1.0 || rear_s > 1.0 {
-                let true_error = out.lateral_error;
-                r.error_max = r.error_max.max(true_error.abs());
-                square_error += true_error.powi(2);
+                r.error_max = r.error_max.max(out.lateral_error.abs());
+                square_error += out.lateral_error.powi(2);
                 error_count += 1;
             }
             let projected = path.project(state.pose.position, rear_s - 0.5, rear_s + 0.5);
             rear_s = projected.s;
             let beyond = projected.s >= path.length() - 1e-9 || projected.s <= 1e-9;
-            r.rear_error_max = r.rear_error_max.max(if beyond { projected.lateral.abs() } else { projected.distance });
+            r.rear_error_max = r.rear_error_max.max(if beyond {
+                projected.lateral.abs()
+            } else {
+                projected.distance
+            });
             if (rear_s - curvature_max.0).abs() < 0.05 {
                 r.corner_speed = out.followed_speed;
             }
-            let mut input = BikeInput { offset: out.offset, slope_force: self.slope_force, ..BikeInput::default() };
+            let mut input = BikeInput {
+                offset: out.offset,
+                slope_force: self.slope_force,
+                ..BikeInput::default()
+            };
             for sub in 0..2 {
-                let applied = actuators.apply(&out.command, state.steer, state.balancer_rate, PLANT_STEP);
+                let applied =
+                    actuators.apply(&out.command, state.steer, state.balancer_rate, PLANT_STEP);
                 input.drive_force = applied.drive_force;
                 input.steer_rate = applied.steer_rate;
                 input.balancer_torque = applied.balancer_torque;
                 let now = t + f64::from(sub) * PLANT_STEP;
                 input.roll_moment = self.roll_moment
                     + self.push.map_or(0.0, |(at, long, moment)| {
-                        if now >= at - 1e-9 && now < at + long - 1e-9 { moment } else { 0.0 }
+                        if now >= at - 1e-9 && now < at + long - 1e-9 {
+                            moment
+                        } else {
+                            0.0
+                        }
                     });
                 let forces = bike.contact_forces(&state, &input);
                 r.load_min = r.load_min.min(forces.rear_load).min(forces.front_load);
-                r.friction_max = r
-                    .friction_max
-                    .max(forces.friction_use_rear(self.truth.friction))
+                let friction = forces
+                    .friction_use_rear(self.truth.friction)
                     .max(forces.friction_use_front(self.truth.friction));
+                r.friction_max = r.friction_max.max(friction);
+                airborne = if forces.both_wheels_down() {
+                    0
+                } else {
+                    airborne + 1
+                };
+                sliding = if friction > 1.0 { sliding + 1 } else { 0 };
                 r.steer_rate_max = r.steer_rate_max.max(applied.steer_rate.abs());
                 r.drive_max = r.drive_max.max(applied.drive_force.abs());
                 r.steer_saturated |= applied.saturation.steer_rate || applied.saturation.steer_stop;
                 state = Rk4.step(&bike, now, &state, &input, PLANT_STEP);
             }
-            if self.verbose && tick % 40 == 0 {
-                eprintln!(
-                    "{t:6.2} {:?} s {:.2} v {:.3} r {:.3} e {:.4} rear {:.4} roll {:.2} ref {:.2} steer {:.1} tau {:.1} bd {:.2} b {:.2} k {:.1}",
-                    out.phase, out.arc_length, state.speed, out.remaining, out.lateral_error, projected.lateral,
-                    state.roll.to_degrees(), out.lean_reference.to_degrees(), state.steer.to_degrees(),
-                    out.command.balancer_torque, state.balancer_rate, state.balancer, out.energy.stored
-                );
-            }
             r.time = t;
-            if state.roll.abs() > 0.7 || !state.roll.is_finite() {
+            let fallen = !(state.roll.abs() <= 0.7);
+            let lifted = airborne > (0.05 / PLANT_STEP) as usize;
+            let slipped = sliding > (0.02 / PLANT_STEP) as usize;
+            if fallen || lifted || slipped {
                 r.fell = true;
                 break;
             }
             if out.at_rest && !r.at_rest {
                 r.at_rest = true;
                 r.rest_time = t;
-                if self.until_rest {
+                if self.until == Until::Rest {
                     break;
                 }
             }
@@ -180,10 +218,16 @@ impl Ride {
         r.torque_rms = (square_torque / cruise_ticks.max(1) as f64).sqrt();
         let goal = path.end_pose();
         r.end_error = (state.pose.position - goal.position).norm();
-        r.end_heading_error = bikebot_geometry::angle::difference(state.pose.heading, goal.heading).to_degrees();
+        r.end_heading_error =
+            bikebot_geometry::angle::difference(state.pose.heading, goal.heading).to_degrees();
         r.end_speed = state.speed;
         r.end_roll = state.roll.to_degrees();
-        r.mode = Some(controller.tick(&sensors.measure(r.time + CONTROL_PERIOD, &state, 0.0)).unwrap().mode);
+        r.mode = Some(
+            controller
+                .tick(&sensors.measure(r.time + CONTROL_PERIOD, &state, 0.0))
+                .unwrap()
+                .mode,
+        );
         r
     }
 }
@@ -201,6 +245,7 @@ pub struct Report {
     pub time: f64,
     pub cruise_time: f64,
     pub rest_time: f64,
+    /// Rolled over, slipped for 20 ms or had a wheel off the ground for 50 ms.
     pub fell: bool,
     pub at_rest: bool,
     pub error_max: f64,
@@ -208,7 +253,6 @@ pub struct Report {
     pub rear_error_max: f64,
     pub roll_max: f64,
     pub torque_max: f64,
-    pub torque_cruise_max: f64,
     pub torque_rms: f64,
     pub balancer_speed_max: f64,
     pub balancer_angle_max: f64,
@@ -231,7 +275,7 @@ pub struct Report {
 }
 
 impl Report {
-    fn tick(&mut self, out: &ControlOutput, state: &BikeState) {
+    fn watch(&mut self, out: &ControlOutput, state: &BikeState) {
         self.roll_max = self.roll_max.max(state.roll.to_degrees().abs());
         self.torque_max = self.torque_max.max(out.command.balancer_torque.abs());
         self.balancer_speed_max = self.balancer_speed_max.max(state.balancer_rate.abs());
@@ -240,7 +284,9 @@ impl Report {
         self.speed_max = self.speed_max.max(out.followed_speed);
         self.fallbacks += usize::from(out.fallback);
         self.violations += usize::from(out.energy.is_violated(CONTROL_PERIOD));
-        self.unexplained_max = self.unexplained_max.max(out.energy.unexplained(CONTROL_PERIOD) + 1e-9);
+        self.unexplained_max = self
+            .unexplained_max
+            .max(out.energy.unexplained(CONTROL_PERIOD) + 1e-9);
         if self.decoupling_min == 0.0 || out.decoupling < self.decoupling_min {
             self.decoupling_min = out.decoupling;
         }
@@ -252,7 +298,8 @@ impl Report {
 pub fn jumpy_path(seed: u64) -> CurvePath {
     use rand::{Rng, SeedableRng};
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-    let mut uniform = |a: f64, b: f64| a + (b - a) * ((rng.next_u64() >> 11) as f64 * (0.5f64).powi(53));
+    let mut uniform =
+        |a: f64, b: f64| a + (b - a) * ((rng.next_u64() >> 11) as f64 * (0.5f64).powi(53));
     let mut pose = Pose2::new(0.0, 0.0, 0.0);
     let mut segments = Vec::new();
     while segments.len() < 10 {
@@ -284,7 +331,10 @@ pub fn slalom() -> CurvePath {
         let (chord, bearing) = if turn == 0.0 {
             (length, pose.heading)
         } else {
-            (2.0 / curvature * (0.5 * turn).sin(), pose.heading + 0.5 * turn)
+            (
+                2.0 / curvature * (0.5 * turn).sin(),
+                pose.heading + 0.5 * turn,
+            )
         };
         let end = Pose2::new(
             pose.position.x + chord * bearing.cos(),
@@ -295,8 +345,18 @@ pub fn slalom() -> CurvePath {
         pose = end;
     };
     for (curvature, length) in [
-        (0.0, 2.0), (0.78, 1.2), (0.0, 1.0), (-0.78, 1.2), (0.0, 1.0), (0.78, 1.0), (-0.2, 1.0), (0.78, 1.0),
-        (-0.78, 1.2), (0.0, 1.0), (0.78, 2.0), (0.0, 2.0),
+        (0.0, 2.0),
+        (0.78, 1.2),
+        (0.0, 1.0),
+        (-0.78, 1.2),
+        (0.0, 1.0),
+        (0.78, 1.0),
+        (-0.2, 1.0),
+        (0.78, 1.0),
+        (-0.78, 1.2),
+        (0.0, 1.0),
+        (0.78, 2.0),
+        (0.0, 2.0),
     ] {
         push(curvature, length);
     }
