@@ -247,11 +247,13 @@ impl OccupancyGrid {
     pub fn inflated(&self, radius: f64) -> Self {
         let mut inflated = self.clone();
         let reach = radius / self.resolution;
-        if !(reach > 0.0) {
+        if reach.is_nan() || reach <= 0.0 {
             return inflated;
         }
         let reach_squared = reach * reach;
-        let steps = (reach.floor() as usize + 1).min(self.width.max(self.height));
+        let steps = (reach.floor() as usize)
+            .saturating_add(1)
+            .min(self.width.max(self.height));
         for y in 0..self.height {
             for x in 0..self.width {
                 if self.cells[y * self.width + x] != Cell::Occupied || self.is_interior(x, y) {

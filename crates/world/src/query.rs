@@ -277,7 +277,7 @@ impl Scene {
             |leaf, _| Some(core_distance_squared(core.vertices(), self.primitive(leaf))),
         );
         match nearest {
-            Some((_, squared)) if squared == 0.0 => 0.0,
+            Some((_, 0.0)) => 0.0,
             // Clear of every edge, the core can still lie in the midst of a solid.
             _ if self.contains(core.vertices()[0]) => 0.0,
             Some((_, squared)) => squared.sqrt(),
