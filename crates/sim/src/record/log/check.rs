@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Read, Seek};
+use std::rc::Rc;
 
 use super::super::mcap_recorder::{RUN, SCENARIO};
 use super::super::protobuf::{Message, Schema};
@@ -65,13 +66,6 @@ pub fn check<R: Read + Seek>(reader: &mut R) -> Result<LogReport, LogError> {
     })
 }
 
-/// How messages of a schema are read.
-enum Reader {
-    Protobuf(Schema),
-    Json,
-    Unknown,
-}
-
 #[derive(Default)]
 struct Checker {
     census: Census,
@@ -79,7 +73,8 @@ struct Checker {
     problem_count: u64,
     decoded: u64,
     not_decoded: u64,
-    readers: BTreeMap<u16, Reader>,
+    /// Schema ids in the file; with how to read their messages where that is known.
+    schemas: BTreeMap<u16, Option<Rc<Schema>>>,
     channel_schemas: BTreeMap<u16, u16>,
     last_time: u64,
     /// Child frame → parent frame.
@@ -110,13 +105,10 @@ impl Checker {
                 id,
                 schema_id,
                 topic,
-                encoding,
                 ..
             } => {
                 self.channel_schemas.insert(*id, *schema_id);
-                if *schema_id == 0 && *encoding == "json" {
-                    self.readers.entry(0).or_insert(Reader::Json);
-                } else if *schema_id != 0 && !self.readers.contains_key(schema_id) {
+                if *schema_id != 0 && !self.schemas.contains_key(schema_id) {
                     let text = format!("{topic} names schema {schema_id}, which is not defined");
                     self.problem(offset, text);
                 }
@@ -137,23 +129,18 @@ impl Checker {
     }
 
     fn schema(&mut self, offset: u64, id: u16, name: &str, encoding: &str, data: &[u8]) {
-        let reader = match encoding {
-            "protobuf" => match Schema::parse(name, data) {
-                Ok(schema) => Reader::Protobuf(schema),
-                Err(text) => {
-                    self.problem(offset, format!("schema {name}: {text}"));
-                    Reader::Unknown
-                }
-            },
-            "jsonschema" => Reader::Json,
-            _ => Reader::Unknown,
+        let schema = match encoding {
+            "protobuf" => Schema::parse(name, data)
+                .map_err(|text| self.problem(offset, format!("schema {name}: {text}")))
+                .ok(),
+            _ => None,
         };
-        self.readers.insert(id, reader);
+        self.schemas.insert(id, schema.map(Rc::new));
     }
 
     fn message(&mut self, offset: u64, channel_id: u16, log_time: u64, data: &[u8]) {
-        let topic = match self.census.channel(channel_id) {
-            Some(channel) => channel.name.clone(),
+        let (topic, encoding) = match self.census.channel(channel_id) {
+            Some(channel) => (channel.name.clone(), channel.encoding.clone()),
             None => {
                 let text = format!("a message on channel {channel_id}, which is not defined");
                 self.problem(offset, text);
@@ -168,30 +155,24 @@ impl Checker {
             self.problem(offset, text);
         }
         self.last_time = self.last_time.max(log_time);
-        let schema_id = self.channel_schemas.get(&channel_id).copied();
-        // Taken out while it reads, since reading borrows it and the findings change self.
-        let Some((id, reader)) = schema_id.and_then(|id| self.readers.remove_entry(&id)) else {
-            self.not_decoded += 1;
-            return;
-        };
-        let wrong = match &reader {
-            Reader::Protobuf(schema) => match schema.decode(data) {
+        let schema_id = self.channel_schemas.get(&channel_id);
+        let schema = schema_id.and_then(|id| self.schemas.get(id)?.clone());
+        let wrong = match (encoding.as_str(), schema) {
+            ("protobuf", Some(schema)) => match schema.decode(data) {
                 Ok(message) => {
                     self.frames_of(offset, &message);
                     None
                 }
                 Err(text) => Some(text),
             },
-            Reader::Json => serde_json::from_slice::<serde::de::IgnoredAny>(data)
+            ("json", _) => serde_json::from_slice::<serde::de::IgnoredAny>(data)
                 .err()
                 .map(|it| it.to_string()),
-            Reader::Unknown => {
+            _ => {
                 self.not_decoded += 1;
-                self.readers.insert(id, reader);
                 return;
             }
         };
-        self.readers.insert(id, reader);
         match wrong {
             None => self.decoded += 1,
             Some(text) => self.problem(offset, format!("a message on {topic}: {text}")),
