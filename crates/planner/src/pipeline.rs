@@ -20,7 +20,10 @@ use crate::problem::{EndPose, PlanningProblem};
 use crate::report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};
 use crate::search::{PointQuery, PointSearch};
 use crate::{corridor, rrt, rrt_star, shortcut};
-use bikebot_geometry::{CurvePath, Point2, Polyline, Pose2};
+use bikebot_geometry::{CurvePath, Point2, Polyline, Pose2, angle};
+
+/// How closely the least clearance of a path is found, in units of δ: to 2 mm on the yard.
+const CLEARANCE_TOLERANCE: f64 = 0.1;
 
 /// Plans a path for `problem.footprint` from `problem.start` into `problem.goal`.
 ///
@@ -102,12 +105,15 @@ struct Run<'r, 'w, 'b> {
 
 impl Run<'_, '_, '_> {
     fn method(&mut self) -> (End, Option<PlannedPath>) {
+        if self.starts_at_the_goal() {
+            return polyline(vec![self.problem.start.position]);
+        }
         match self.params.method {
-            Method::Rrt | Method::RrtStar | Method::Birrt => match self.coarse() {
+            Method::Rrt | Method::RrtStar | Method::Birrt => match self.coarse(0) {
                 Ok(path) => polyline(path),
                 Err(end) => (end, None),
             },
-            Method::BirrtSmooth => match self.guide() {
+            Method::BirrtSmooth => match self.guide(0) {
                 Ok(path) => polyline(path),
                 Err(end) => (end, None),
             },
@@ -115,16 +121,44 @@ impl Run<'_, '_, '_> {
         }
     }
 
-    /// Algorithm 1.
+    /// Whether there is nothing to ride: the start is an arrival already.
+    fn starts_at_the_goal(&self) -> bool {
+        let (start, goal) = (&self.problem.start, &self.problem.goal);
+        match self.params.goal {
+            GoalMode::Ball => goal.contains(start.position),
+            GoalMode::Pose => {
+                let turns = match (start.heading, goal.heading) {
+                    (Some(from), Some(to)) => angle::difference(to, from) != 0.0,
+                    _ => false,
+                };
+                let heeds_headings = self.params.method.is_curvature_limited();
+                start.position == goal.position && !(turns && heeds_headings)
+            }
+        }
+    }
+
+    /// Algorithm 1, begun again from another BiRRT path as often as allowed while the corridor holds no curve.
     fn paper(&mut self) -> (End, Option<PlannedPath>) {
-        let guide = match self.guide() {
-            Ok(guide) => guide,
-            Err(end) => return (end, None),
-        };
-        let Ok(guide) = Polyline::new(guide) else {
-            return (End::NoWay, None);
-        };
-        let mut chance = Chance::new(self.seed, Purpose::Corridor, 0);
+        for start in 0..self.params.guides.max(1) {
+            let guide = match self.guide(start) {
+                Ok(guide) => guide,
+                Err(_) if start > 0 => break,
+                Err(end) => return (end, None),
+            };
+            if let Some(path) = self.corridor(&guide, start) {
+                return (End::Found, Some(path));
+            }
+            if self.meter.cut_short().is_some() {
+                break;
+            }
+        }
+        (End::NoCurve, None)
+    }
+
+    /// Lines 6–38.
+    fn corridor(&mut self, guide: &[Point2], start: u32) -> Option<PlannedPath> {
+        let guide = Polyline::new(guide.to_vec()).ok()?;
+        let mut chance = Chance::new(self.seed, Purpose::Corridor, start);
         let (trace, observe) = (&mut self.trace, &mut self.observe);
         let found = corridor::search(
             self.problem,
@@ -147,16 +181,12 @@ impl Run<'_, '_, '_> {
         self.stages.corridor_tree = found.edges;
         self.stages.corridor_guide = Some(found.guide);
         self.stages.corridor_half_width = Some(self.params.corridor_half_width());
-        match found.path.map(CurvePath::new) {
-            Some(Ok(path)) => (End::Found, Some(PlannedPath::Curves(path))),
-            // Where the start is an arrival already, there is no curve to ride.
-            Some(Err(_)) => polyline(vec![self.problem.start.position]),
-            None => (End::NoCurve, None),
-        }
+        let curves = found.path?;
+        CurvePath::new(curves).ok().map(PlannedPath::Curves)
     }
 
     /// P_BiRRT, or what the plain methods find in its place.
-    fn coarse(&mut self) -> Result<Vec<Point2>, End> {
+    fn coarse(&mut self, start: u32) -> Result<Vec<Point2>, End> {
         let (stage, purpose) = match self.params.method {
             Method::Rrt => (Stage::Rrt, Purpose::Rrt),
             Method::RrtStar => (Stage::RrtStar, Purpose::RrtStar),
@@ -171,7 +201,7 @@ impl Run<'_, '_, '_> {
             max_step: self.params.max_step(),
             max_samples: self.params.search_iterations,
         };
-        let mut chance = Chance::new(self.seed, purpose, 0);
+        let mut chance = Chance::new(self.seed, purpose, start);
         let meter = &mut self.meter;
         let PointSearch {
             path,
@@ -198,9 +228,9 @@ impl Run<'_, '_, '_> {
     }
 
     /// P_smooth.
-    fn guide(&mut self) -> Result<Vec<Point2>, End> {
-        let mut path = self.coarse()?;
-        let mut chance = Chance::new(self.seed, Purpose::Shortcut, 0);
+    fn guide(&mut self, start: u32) -> Result<Vec<Point2>, End> {
+        let mut path = self.coarse(start)?;
+        let mut chance = Chance::new(self.seed, Purpose::Shortcut, start);
         shortcut::apply(
             &mut path,
             self.params.shortcut_attempts,
@@ -247,8 +277,12 @@ impl Run<'_, '_, '_> {
                 GoalMode::Pose => straight,
                 GoalMode::Ball => (straight - goal.tolerance).max(0.0),
             };
-            let tolerance = 0.5 * self.params.clearance_resolution();
-            PathMetrics::of(path, &self.checker, goal.position, lower_bound, tolerance)
+            let tolerance = CLEARANCE_TOLERANCE * self.params.clearance_resolution();
+            let mut metrics =
+                PathMetrics::of(path, &self.checker, goal.position, lower_bound, tolerance);
+            // Every motion of the path was accepted, which proves the margin; the search for the least stops a tolerance short.
+            metrics.min_clearance = metrics.min_clearance.max(self.params.margin);
+            metrics
         });
         PlanReport {
             outcome,
