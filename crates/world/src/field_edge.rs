@@ -4,7 +4,7 @@ use bikebot_geometry::{Point2, Pose2, Vector2};
 
 use crate::grid::OccupancyGrid;
 use crate::obstacle::Bounds;
-use crate::primitive::{Primitive, block_distance, slab};
+use crate::primitive::{Primitive, block_distance, inverse_direction, slab};
 
 /// A rectangle in a frame of its own: a turned grid knows nothing beyond its own edge.
 #[derive(Debug, Clone, Copy)]
@@ -100,7 +100,7 @@ impl FieldEdge {
     /// Distance (m) along the unit vector `direction` until the field is left; 0 from outside.
     pub(crate) fn exit(&self, origin: Point2, direction: Vector2) -> f64 {
         let leave = |min: Point2, max: Point2, o: Point2, d: Vector2| {
-            let (near, far) = slab(min, max, o, Vector2::new(d.x.recip(), d.y.recip()));
+            let (near, far) = slab(min, max, o, inverse_direction(d));
             if near <= 0.0 { far.max(0.0) } else { 0.0 }
         };
         let straight = leave(self.bounds.min, self.bounds.max, origin, direction);

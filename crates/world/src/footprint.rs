@@ -236,6 +236,11 @@ impl Core {
     pub(crate) fn vertices(&self) -> &[Point2] {
         &self.vertices[..self.count]
     }
+
+    /// A point of the core half-way along its diagonal (m).
+    pub(crate) fn middle(&self) -> Point2 {
+        nalgebra::center(&self.vertices[0], &self.vertices[self.count / 2])
+    }
 }
 
 /// How many pieces of about `piece` make up `length`; at least 1.

@@ -407,34 +407,69 @@ impl OccupancyGrid {
                 corner(to.0, to.1),
             ));
         };
-        // Along each grid line: where does one side turn solid while the other is not?
+        // Row by row, which is how the cells lie in memory. A grid line bounds the solid where
+        // one of its sides is solid and the other is not; a run goes on while the sense stays.
+        let mut below = vec![false; self.width + 2];
+        let mut row = vec![false; self.width + 2];
+        let mut upright: Vec<Option<(isize, bool)>> = vec![None; self.width + 1];
         for y in 0..=h {
-            runs(
-                w,
-                |x| (self.is_solid(x, y), self.is_solid(x, y - 1)),
-                |a, b, above| {
-                    if above {
-                        push((a, y), (b, y));
-                    } else {
-                        push((b, y), (a, y));
-                    }
-                },
-            );
-        }
-        for x in 0..=w {
-            runs(
-                h,
-                |y| (self.is_solid(x - 1, y), self.is_solid(x, y)),
-                |a, b, left| {
-                    if left {
-                        push((x, a), (x, b));
-                    } else {
-                        push((x, b), (x, a));
-                    }
-                },
-            );
+            row.fill(false);
+            if y < h {
+                let first = y as usize * self.width;
+                let cells = &self.cells[first..first + self.width];
+                for (solid, cell) in row[1..].iter_mut().zip(cells) {
+                    *solid = *cell != Cell::Free;
+                }
+            }
+            if row != below {
+                let mut level: Option<(isize, bool)> = None;
+                for x in 0..=w {
+                    let (above, under) = (row[x as usize + 1], below[x as usize + 1]);
+                    let now = (above != under).then_some(above);
+                    advance(&mut level, x, now, |a, b, above| {
+                        if above {
+                            push((a, y), (b, y));
+                        } else {
+                            push((b, y), (a, y));
+                        }
+                    });
+                }
+                // Where this row equals the one below, every upright run simply goes on.
+                for x in 0..=w {
+                    let (left, right) = (row[x as usize], row[x as usize + 1]);
+                    let now = (left != right).then_some(left);
+                    advance(&mut upright[x as usize], y, now, |a, b, left| {
+                        if left {
+                            push((x, a), (x, b));
+                        } else {
+                            push((x, b), (x, a));
+                        }
+                    });
+                }
+            }
+            std::mem::swap(&mut below, &mut row);
         }
         edges
+    }
+}
+
+/// Carries a run along a grid line to position `k`, where the boundary's sense is `now`; calls
+/// `ended(start, end, sense)` if that ends the run.
+#[inline]
+fn advance(
+    run: &mut Option<(isize, bool)>,
+    k: isize,
+    now: Option<bool>,
+    ended: impl FnOnce(isize, isize, bool),
+) {
+    if let Some((start, sense)) = *run
+        && now != Some(sense)
+    {
+        ended(start, k, sense);
+        *run = None;
+    }
+    if run.is_none() {
+        *run = now.map(|sense| (k, sense));
     }
 }
 
@@ -444,33 +479,6 @@ fn check_size(width: usize, height: usize) -> Result<(), WorldError> {
         Ok(())
     } else {
         Err(WorldError::GridSize { width, height })
-    }
-}
-
-/// Calls `found(start, end, first_is_solid)` for each maximal run along a line of `n` cells
-/// whose two sides differ in the same sense.
-fn runs(
-    n: isize,
-    sides: impl Fn(isize) -> (bool, bool),
-    mut found: impl FnMut(isize, isize, bool),
-) {
-    let mut open: Option<(isize, bool)> = None;
-    for k in 0..=n {
-        let now = if k < n {
-            let (first, second) = sides(k);
-            (first != second).then_some(first)
-        } else {
-            None
-        };
-        if let Some((start, sense)) = open
-            && now != Some(sense)
-        {
-            found(start, k, sense);
-            open = None;
-        }
-        if open.is_none() {
-            open = now.map(|sense| (k, sense));
-        }
     }
 }
 

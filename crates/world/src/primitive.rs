@@ -220,8 +220,7 @@ impl Primitive {
         match self {
             Self::Edge(edge) => edge.ray_hit(origin, direction),
             Self::Block { min, max } => {
-                let inverse = Vector2::new(direction.x.recip(), direction.y.recip());
-                let (near, far) = slab(*min, *max, origin, inverse);
+                let (near, far) = slab(*min, *max, origin, inverse_direction(direction));
                 (near <= far && far >= 0.0).then_some(near.max(0.0))
             }
             Self::Disc { center, radius } => {
@@ -242,26 +241,32 @@ impl Primitive {
     }
 }
 
+/// 1 / direction for [`slab`], kept finite: along an axis the ray is parallel to, the product
+/// with a zero offset must be 0 and not NaN.
+#[inline]
+pub(crate) fn inverse_direction(direction: Vector2) -> Vector2 {
+    direction.map(|d| {
+        if d.abs() > 1e-300 {
+            d.recip()
+        } else {
+            1e300_f64.copysign(d)
+        }
+    })
+}
+
 /// Where a ray enters and leaves an axis-aligned rectangle (m along the ray; either may be
-/// negative). Enters after it leaves: it misses. `inverse` holds 1 / direction.
+/// negative). Enters after it leaves: it misses. `inverse` is [`inverse_direction`].
 #[inline]
 pub(crate) fn slab(min: Point2, max: Point2, origin: Point2, inverse: Vector2) -> (f64, f64) {
-    let mut near = f64::NEG_INFINITY;
-    let mut far = f64::INFINITY;
-    for axis in 0..2 {
-        if inverse[axis].is_infinite() {
-            // Parallel to this slab: 0 · ∞ below would be NaN.
-            if origin[axis] < min[axis] || origin[axis] > max[axis] {
-                return (f64::INFINITY, f64::NEG_INFINITY);
-            }
-        } else {
-            let a = (min[axis] - origin[axis]) * inverse[axis];
-            let b = (max[axis] - origin[axis]) * inverse[axis];
-            near = near.max(a.min(b));
-            far = far.min(a.max(b));
-        }
-    }
-    (near, far)
+    let (x0, x1) = (
+        (min.x - origin.x) * inverse.x,
+        (max.x - origin.x) * inverse.x,
+    );
+    let (y0, y1) = (
+        (min.y - origin.y) * inverse.y,
+        (max.y - origin.y) * inverse.y,
+    );
+    (x0.min(x1).max(y0.min(y1)), x0.max(x1).min(y0.max(y1)))
 }
 
 /// Signed distance (m) of `p` to an axis-aligned rectangle, negative inside.
@@ -314,17 +319,6 @@ pub(crate) fn segments_meet(a: Point2, b: Point2, c: Point2, d: Point2) -> Optio
     } else {
         None
     }
-}
-
-/// Squared distance (m²) between two closed segments; 0 where they meet.
-pub(crate) fn segment_segment_distance_squared(a: Point2, b: Point2, c: Point2, d: Point2) -> f64 {
-    if segments_meet(a, b, c, d).is_some() {
-        return 0.0;
-    }
-    point_segment_distance_squared(a, c, d)
-        .min(point_segment_distance_squared(b, c, d))
-        .min(point_segment_distance_squared(c, a, b))
-        .min(point_segment_distance_squared(d, a, b))
 }
 
 /// Whether `p` lies in the ring of vertices (even-odd rule; on the boundary either answer).
@@ -407,9 +401,6 @@ mod tests {
         assert_eq!(overlap, Some(p(1.0, 0.0)));
         let collinear = segments_meet(p(0.0, 0.0), p(1.0, 0.0), p(2.0, 0.0), p(3.0, 0.0));
         assert_eq!(collinear, None);
-        let d2 =
-            segment_segment_distance_squared(p(0.0, 0.0), p(1.0, 0.0), p(2.0, 1.0), p(3.0, 0.5));
-        assert_eq!(d2, 2.0);
     }
 
     #[test]
