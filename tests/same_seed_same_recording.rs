@@ -62,7 +62,7 @@ fn an_added_laser_beam_does_not_change_the_plan() {
     let first_plan = |overrides: &[&str]| {
         let setup = common::setup("laser-yard.toml", overrides);
         let report = bikebot::sim::plan(&setup, &|| false).expect("a plan");
-        report.path.expect("found")
+        report.path.expect("found").segments()
     };
     assert_eq!(first_plan(&[]), first_plan(&["laser.beams=362"]));
 }
