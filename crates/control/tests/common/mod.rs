@@ -199,7 +199,7 @@ impl Ride {
                 state = Rk4.step(&bike, now, &state, &input, PLANT_STEP);
             }
             r.time = t;
-            let fallen = !(state.roll.abs() <= 0.7);
+            let fallen = state.roll.is_nan() || state.roll.abs() > 0.7;
             let lifted = airborne > (0.05 / PLANT_STEP) as usize;
             let slipped = sliding > (0.02 / PLANT_STEP) as usize;
             if fallen || lifted || slipped {
