@@ -86,7 +86,7 @@ pub struct ControlOutput {
     pub steer_saturated: bool,
     /// Whether the balancer torque was cut to its limit.
     pub balancer_saturated: bool,
-    /// `d_hat`, m/s^2: what the drive observer compensates.
+    /// `m d_hat`, N: the force along the heading that the drive observer compensates, negative uphill.
     pub drive_estimate: f64,
     /// The energy account of the augmented system over the tick that has just ended.
     pub energy: AugmentedEnergy,
@@ -287,7 +287,7 @@ impl RideController {
             drive_saturated: drive_force != wanted_force,
             steer_saturated: steer_rate != wanted_steer_rate,
             balancer_saturated: balance.saturated,
-            drive_estimate: self.drive.acceleration(),
+            drive_estimate: mass * self.drive.acceleration(),
             energy: plane.energy,
             at_rest: self.phase == Phase::Hold
                 && m.speed.abs() < REST_SPEED
