@@ -22,6 +22,7 @@ mod field_edge;
 mod footprint;
 pub mod formats;
 mod grid;
+mod grid_traversal;
 pub mod map_text;
 mod obstacle;
 mod primitive;
@@ -30,6 +31,7 @@ mod world;
 
 pub use error::WorldError;
 pub use footprint::{Footprint, FootprintDisc, FootprintError};
-pub use grid::{Cell, CellRectangle, GridTraversal, OccupancyGrid};
+pub use grid::{Cell, CellRectangle, OccupancyGrid};
+pub use grid_traversal::GridTraversal;
 pub use obstacle::{Bounds, Obstacle};
 pub use world::World;
