@@ -408,8 +408,6 @@ sampled! {
         desired_y_m: f64,
         /// Arc length of that place (the virtual time), m.
         path_s_m: f64,
-        /// Rate of that arc length, m/s.
-        path_rate_mps: f64,
         /// Curvature of the curve there, 1/m.
         path_curvature_per_m: f64,
         /// Speed the curve asks for there, m/s.
