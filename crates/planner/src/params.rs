@@ -453,6 +453,23 @@ mod tests {
     }
 
     #[test]
+    fn every_number_has_a_range_and_every_key_an_explanation() {
+        let schema = serde_json::to_value(schemars::schema_for!(PlannerParams)).unwrap();
+        for (key, field) in schema["properties"].as_object().unwrap() {
+            let says = field["description"]
+                .as_str()
+                .is_some_and(|text| text.len() > 20);
+            assert!(says, "{key}");
+            if field["type"] == "number" || field["type"] == "integer" {
+                assert!(
+                    field["minimum"].is_number() && field["maximum"].is_number(),
+                    "{key}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn names_of_methods_are_those_of_the_files() {
         for method in Method::ALL {
             assert_eq!(serde_json::to_value(method).unwrap(), method.name());

@@ -1,0 +1,219 @@
+use super::*;
+use crate::test_scenes::{block, room};
+use proptest::prelude::*;
+
+const BIKE: Footprint = Footprint::bike();
+const BOX: Footprint = Footprint::Rectangle {
+    rear: -0.4,
+    front: 1.4,
+    half_width: 0.3,
+};
+const DISC: Footprint = Footprint::Disc { radius: 0.4 };
+const ALL: [Footprint; 4] = [Footprint::Point, DISC, BIKE, BOX];
+
+fn yard() -> World {
+    room(
+        20.0,
+        vec![
+            block(4.0, 4.0, 7.0, 9.0),
+            block(11.0, 2.0, 12.0, 12.0),
+            block(6.0, 13.0, 15.0, 14.0),
+            disc(15.0, 7.0, 1.5),
+        ],
+    )
+}
+
+fn disc(x: f64, y: f64, radius: f64) -> bikebot_world::Obstacle {
+    bikebot_world::Obstacle::Disc {
+        center: Point2::new(x, y),
+        radius,
+    }
+}
+
+/// Least clearance over 2000 poses: never below the truth, so a bound proven below it must not exceed it.
+fn least_sampled(checker: &MotionChecker<'_>, pose: impl Fn(f64) -> Pose2) -> f64 {
+    (0..=2000)
+        .map(|i| checker.pose_clearance(&pose(f64::from(i) / 2000.0)))
+        .fold(f64::INFINITY, f64::min)
+}
+
+fn curves() -> impl Strategy<Value = FergusonCurve> {
+    (
+        (1.0..19.0, 1.0..19.0, -3.2..3.2f64),
+        (0.5..6.0, -1.2..1.2f64, -1.5..1.5f64),
+    )
+        .prop_map(|((x, y, heading), (chord, bearing, turn))| {
+            let from = Pose2::new(x, y, heading);
+            let direction = heading + bearing;
+            let to = Pose2::new(
+                x + chord * direction.cos(),
+                y + chord * direction.sin(),
+                heading + turn,
+            );
+            FergusonCurve::between(from, to, chord)
+        })
+}
+
+proptest! {
+    #[test]
+    fn an_accepted_motion_stays_free_when_sampled_finely(curve in curves(), margin in 0.0..0.3f64) {
+        let world = yard();
+        for footprint in &ALL {
+            let checker = MotionChecker::new(&world, footprint, margin, 0.02);
+            if checker.is_curve_free(&curve) {
+                let least = least_sampled(&checker, |t| Pose2 {
+                    position: curve.point(t),
+                    heading: curve.heading(t),
+                });
+                // The guarantee has no tolerance; 1e-9 is the rounding of the distance queries.
+                prop_assert!(least >= margin - 1e-9, "{footprint:?}: {least}");
+            }
+            let (a, b) = (curve.start_point(), curve.end_point());
+            if checker.is_segment_free(a, b) {
+                let heading = (b.y - a.y).atan2(b.x - a.x);
+                let least = least_sampled(&checker, |t| Pose2 { position: a + (b - a) * t, heading });
+                prop_assert!(least >= margin - 1e-9, "{footprint:?}: {least}");
+            }
+        }
+    }
+
+    /// Pessimism is bounded: what is clear by more than half the resolution is accepted.
+    #[test]
+    fn a_motion_with_room_to_spare_is_accepted(curve in curves()) {
+        prop_assume!(curve.is_within_curvature(5.0));
+        let world = yard();
+        for footprint in &ALL {
+            let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
+            let least = checker.least_clearance(&[Curved::new(&curve)], 1e-4);
+            if least > 0.01 + 1e-6 {
+                prop_assert!(checker.is_curve_free(&curve), "{footprint:?}: {least}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_least_clearance_is_a_lower_bound_within_its_tolerance(curve in curves()) {
+        prop_assume!(curve.is_within_curvature(5.0));
+        let world = yard();
+        for footprint in &ALL {
+            let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
+            let bound = checker.least_clearance(&[Curved::new(&curve)], 1e-3);
+            let sampled = least_sampled(&checker, |t| Pose2 {
+                position: curve.point(t),
+                heading: curve.heading(t),
+            });
+            prop_assert!(bound <= sampled + 1e-9, "{footprint:?}: {bound} {sampled}");
+            // 2000 samples lie within a step of 6 mm, times the swing of the front, of the least.
+            prop_assert!(bound >= sampled - 1e-3 - 0.05, "{footprint:?}: {bound} {sampled}");
+        }
+    }
+}
+
+#[test]
+fn sees_a_wall_of_a_tenth_of_a_millimetre() {
+    let world = room(10.0, vec![block(5.0, 0.0, 5.0001, 9.0)]);
+    let checker = MotionChecker::new(&world, &Footprint::Point, 0.0, 0.02);
+    let (a, b) = (Point2::new(1.0, 4.321), Point2::new(9.0, 4.4));
+    assert!(!checker.is_segment_free(a, b));
+    assert!(!checker.is_curve_free(&FergusonCurve::straight(a, b)));
+}
+
+#[test]
+fn passes_a_gap_wider_by_the_resolution_and_not_a_narrower_one() {
+    for footprint in &[DISC, BIKE, BOX] {
+        let half = if *footprint == DISC { 0.4 } else { 0.3 };
+        for (gap, fits) in [(2.0 * half + 0.021, true), (2.0 * half - 0.001, false)] {
+            let world = room(
+                10.0,
+                vec![
+                    block(4.0, 0.0, 6.0, 5.0 - gap / 2.0),
+                    block(4.0, 5.0 + gap / 2.0, 6.0, 10.0),
+                ],
+            );
+            let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
+            let (a, b) = (Point2::new(1.5, 5.0), Point2::new(8.0, 5.0));
+            assert_eq!(
+                checker.is_segment_free(a, b),
+                fits,
+                "{footprint:?} in {gap} m"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_front_of_a_long_outline_swings_out_where_a_disc_passes() {
+    // A left turn of radius 2 m; the front of the bike, 1.46 m ahead, sweeps outside the circle of the rear contact.
+    let turn = FergusonCurve::between(
+        Pose2::new(5.0, 3.0, 0.0),
+        Pose2::new(7.0, 5.0, std::f64::consts::FRAC_PI_2),
+        2.0 * std::f64::consts::SQRT_2 / (std::f64::consts::PI / 8.0).cos().powi(2),
+    );
+    let outside = vec![block(6.9, 2.2, 8.0, 3.2)];
+    let world = room(10.0, outside);
+    let fits = |footprint| MotionChecker::new(&world, &footprint, 0.0, 0.02).is_curve_free(&turn);
+    assert!(fits(Footprint::Disc { radius: 0.3 }));
+    assert!(!fits(BIKE));
+}
+
+#[test]
+fn what_is_not_a_number_is_not_free_and_ends() {
+    let world = yard();
+    let bad = [f64::NAN, f64::INFINITY, 1e308];
+    for footprint in &ALL {
+        let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
+        for x in bad {
+            let (a, b) = (Point2::new(1.0, 1.0), Point2::new(x, 2.0));
+            assert!(!checker.is_segment_free(a, b));
+            assert!(!checker.is_curve_free(&FergusonCurve::from_ends(
+                a,
+                Vector2::new(1.0, 0.0),
+                b,
+                Vector2::new(x, 0.0)
+            )));
+        }
+        let checker = MotionChecker::new(&world, footprint, f64::NAN, f64::NAN);
+        assert!(!checker.is_segment_free(Point2::new(1.0, 1.0), Point2::new(2.0, 1.0)));
+    }
+}
+
+#[test]
+fn a_cusp_is_refused_for_an_outline_that_must_turn() {
+    let world = room(10.0, vec![]);
+    // Out and back along the same line: the direction flips where the speed is zero.
+    let cusp = FergusonCurve::from_ends(
+        Point2::new(4.0, 5.0),
+        Vector2::new(6.0, 0.0),
+        Point2::new(4.0, 5.0),
+        Vector2::new(-6.0, 0.0),
+    );
+    assert!(MotionChecker::new(&world, &Footprint::Point, 0.0, 0.02).is_curve_free(&cusp));
+    assert!(!MotionChecker::new(&world, &BIKE, 0.0, 0.02).is_curve_free(&cusp));
+}
+
+#[test]
+fn a_motion_of_no_length_is_judged_by_its_pose() {
+    let world = yard();
+    let checker = MotionChecker::new(&world, &DISC, 0.0, 0.02);
+    let (free, blocked) = (Point2::new(2.0, 2.0), Point2::new(5.0, 5.0));
+    assert!(checker.is_segment_free(free, free));
+    assert!(!checker.is_segment_free(blocked, blocked));
+}
+
+#[test]
+fn the_inscribed_disc_is_the_largest_about_the_reference_point() {
+    let radius = |f: Footprint| inscribed_radius(&f);
+    assert_eq!(ALL.map(radius), [0.0, 0.4, 0.3, 0.3]);
+    let ahead = Footprint::Capsule {
+        rear: 0.1,
+        front: 1.0,
+        radius: 0.3,
+    };
+    assert!((radius(ahead) - 0.2).abs() < 1e-15);
+    let aside = Footprint::Rectangle {
+        rear: 0.1,
+        front: 1.0,
+        half_width: 0.3,
+    };
+    assert_eq!(radius(aside), 0.0);
+}
