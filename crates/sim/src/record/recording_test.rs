@@ -537,14 +537,14 @@ fn a_failing_disk_is_reported_once_and_again_at_the_end_and_nothing_follows_the_
     let mut succeeded = false;
     for writes_left in 0..800 {
         let heals = writes_left % 2 == 0;
-        let failing = Failing {
+        let mut failing = Failing {
             inner: Cursor::new(Vec::new()),
             writes_left,
             heals,
             failed: false,
         };
-        let begun = McapRecorder::begin(failing, &run_info(), &RecordOptions::default());
-        let mut recorder = match begun {
+        let options = RecordOptions::default();
+        let mut recorder = match McapRecorder::begin(&mut failing, &run_info(), &options) {
             Ok(recorder) => recorder,
             Err(error) => {
                 assert!(matches!(error, RecordError::Write { .. }), "{error}");
@@ -567,7 +567,9 @@ fn a_failing_disk_is_reported_once_and_again_at_the_end_and_nothing_follows_the_
         let end = recorder.finish(&result_info());
         let again = recorder.finish(&result_info());
         let written = recorder.bytes_written();
-        let bytes = recorder.into_inner().inner.into_inner();
+        // Not even a recorder that goes out of scope may write any more.
+        drop(recorder);
+        let bytes = failing.inner.into_inner();
         assert_eq!(written, bytes.len() as u64);
         match end {
             Ok(()) => {
@@ -661,24 +663,60 @@ fn a_file_cut_anywhere_is_read_up_to_its_last_whole_chunk() {
 
 #[test]
 fn a_killed_program_loses_no_more_than_the_last_second() {
-    // What the disk holds when the program is killed at any tick: the bytes so far.
+    // So little is recorded that no chunk fills up: what counts is the clock.
+    let sparse = RecordOptions {
+        state: 20.0,
+        frames: 20.0,
+        pose: 10.0,
+        scene: 1.0,
+        flush: 1.0,
+    };
+    for options in [sparse, RecordOptions::default()] {
+        for killed_at in [1.2, 2.995, 3.7] {
+            let output = Cursor::new(Vec::new());
+            let mut recorder = McapRecorder::begin(output, &run_info(), &options).unwrap();
+            ride(&mut recorder, killed_at).unwrap();
+            let on_disk = recorder.bytes_written() as usize;
+            recorder.finish(&result_info()).unwrap();
+            let bytes = recorder.into_inner().into_inner();
+            let mut part = Cursor::new(&bytes[..on_disk]);
+            let saved = recover(&mut part, &mut Cursor::new(Vec::new())).unwrap();
+            let (_, last) = saved.written.info.span.unwrap();
+            let lost = SimTime::from_seconds(killed_at).seconds_since(last);
+            // A second, and the last sample before it was flushed is up to one period old.
+            assert!(
+                lost <= 1.0 + 1.0 / options.state,
+                "{lost} s of {killed_at} s"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_scan_has_transforms_of_its_own_stamp_however_rare_they_are() {
+    let options = RecordOptions {
+        frames: 3.0,
+        ..RecordOptions::default()
+    };
     let output = Cursor::new(Vec::new());
-    let mut recorder = McapRecorder::begin(output, &run_info(), &RecordOptions::default()).unwrap();
-    ride(&mut recorder, 3.7).unwrap();
-    let on_disk = recorder.bytes_written() as usize;
+    let mut recorder = McapRecorder::begin(output, &run_info(), &options).unwrap();
+    ride(&mut recorder, 1.0).unwrap();
     recorder.finish(&result_info()).unwrap();
     let bytes = recorder.into_inner().into_inner();
-    let saved = recover(
-        &mut Cursor::new(&bytes[..on_disk]),
-        &mut Cursor::new(Vec::new()),
-    )
-    .unwrap();
-    let (_, last) = saved.written.info.span.unwrap();
-    assert!(
-        SimTime::from_seconds(3.7).seconds_since(last) <= 1.0,
-        "{}",
-        last.seconds()
-    );
+    let mut frames_at = None;
+    let mut scans = 0;
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        match message.channel.topic.as_str() {
+            "/tf" => frames_at = Some(message.log_time),
+            "/scan" => {
+                scans += 1;
+                assert_eq!(frames_at, Some(message.log_time));
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(scans, 11);
 }
 
 #[test]
@@ -883,6 +921,37 @@ fn whatever_stands_in_a_chunk_does_no_harm() {
             }
             ask_everything(&changed);
         }
+    }
+}
+
+#[test]
+fn the_crc_of_a_chunk_is_checked_however_it_is_packed() {
+    let bytes = recording(0.1);
+    let packed = [
+        None,
+        Some(mcap::Compression::Zstd),
+        Some(mcap::Compression::Lz4),
+    ];
+    for compression in packed {
+        let options = mcap::WriteOptions::new()
+            .compression(compression)
+            .compression_threads(0)
+            .calculate_data_section_crc(false);
+        let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
+        for message in mcap::MessageStream::new(&bytes).unwrap() {
+            writer.write(&message.unwrap()).unwrap();
+        }
+        writer.finish().unwrap();
+        let mut file = writer.into_inner().into_inner();
+        assert_eq!(check(&mut Cursor::new(&file)).unwrap().problems, []);
+        // The one chunk begins after the header; this lies well inside.
+        file[500] ^= 1;
+        let report = check(&mut Cursor::new(&file)).unwrap();
+        assert!(!report.is_whole());
+        assert_eq!(
+            report.info.messages, 0,
+            "nothing of a broken chunk is believed"
+        );
     }
 }
 
