@@ -6,7 +6,7 @@
 //! ```
 //!
 //! This is the only place where planner, dynamics and control meet. Each stage takes what it needs by
-//! reference and returns a value; the order above is the order of the calls in [`Ride::tick`].
+//! reference and returns a value; the order above is the order of the calls in `Ride::tick`.
 
 use crate::chance::{Component, stream};
 use crate::clock::SimTime;
@@ -16,7 +16,8 @@ use crate::outcome::{ExpectCheck, Metrics, RunOutcome};
 use crate::picture;
 use crate::pilot::{Pilot, PilotOutput};
 use crate::record::{
-    ControlSample, Event, LogLevel, NoticeKind, Recorder, ResultHasher, ScanSample, StateSample,
+    ControlSample, Event, LogLevel, NoticeKind, RecordError, Recorder, ResultHasher, ScanSample,
+    StateSample,
 };
 use crate::ride_metrics::{RideMetrics, TickFacts};
 use crate::scenario::PlantModel;
@@ -30,6 +31,8 @@ use bikebot_planner::{Budget, Outcome, PlanReport, PlannedPath};
 
 /// |roll| (rad) and |roll rate| (rad/s) below which a standing bike counts as recovered.
 const RECOVERED: (f64, f64) = (0.5 * std::f64::consts::PI / 180.0, 0.05);
+/// Spacing at which the followed curve is recorded, m.
+const FOLLOWED_STEP: f64 = 0.05;
 /// How long the bike has to be at rest before the ride ends, s.
 const REST_TIME: f64 = 0.5;
 
@@ -76,6 +79,8 @@ pub struct RunReport {
     pub ticks: u64,
     /// The plan, where one was made.
     pub plan: Option<PlanReport>,
+    /// What the recorder said when it first failed. The ride went on without it.
+    pub recording_failed: Option<String>,
 }
 
 impl RunReport {
@@ -94,8 +99,9 @@ impl RunReport {
 ///
 /// # Errors
 ///
-/// [`Error`] where the question makes no sense (the start stands in an obstacle) or the recorder fails.
-/// A bike that falls or a search that ends empty is an outcome.
+/// [`Error`] where the question makes no sense, such as a start that stands in an obstacle. A bike that falls or
+/// a search that ends empty is an outcome; a recorder that fails costs the recording and not the result
+/// ([`RunReport::recording_failed`]).
 pub fn run(
     setup: &Setup,
     recorder: &mut dyn Recorder,
@@ -103,6 +109,10 @@ pub fn run(
 ) -> Result<RunReport, Error> {
     let now = || control.clock.map(|clock| clock());
     let began = now();
+    let recorder = &mut Persevering {
+        inner: recorder,
+        failure: None,
+    };
     let mut hasher = ResultHasher::new();
     picture::scene(setup, recorder)?;
     for warning in &setup.warnings {
@@ -179,7 +189,23 @@ pub fn run(
         expect,
         ticks: ridden.ticks,
         plan,
+        recording_failed: recorder.failure.take().map(|error| error.to_string()),
     })
+}
+
+/// Lets a ride go on when its recorder fails, and remembers the failure.
+struct Persevering<'r> {
+    inner: &'r mut dyn Recorder,
+    failure: Option<RecordError>,
+}
+
+impl Recorder for Persevering<'_> {
+    fn record(&mut self, time: SimTime, event: &Event<'_>) -> Result<(), RecordError> {
+        if self.failure.is_none() {
+            self.failure = self.inner.record(time, event).err();
+        }
+        Ok(())
+    }
 }
 
 /// Plans the path of a scenario and nothing else, until done or until `stop` says so.
@@ -278,7 +304,16 @@ struct Tick {
 impl<'s> Ride<'s> {
     fn new(setup: &'s Setup, path: Option<&'s CurvePath>) -> Result<Self, Error> {
         let plant = TruePlant::new(setup.plant, setup.true_bike.clone());
-        let state = setup.start;
+        let mut state = setup.start;
+        if let (Some(path), true) = (
+            path,
+            setup
+                .start_pose
+                .is_some_and(|start| start.heading.is_none()),
+        ) {
+            // A free heading is the one the plan chose.
+            state.pose.heading = path.start_pose().heading;
+        }
         let sensors = Sensors::new(
             &setup.noise,
             &setup.bike,
@@ -330,7 +365,12 @@ impl<'s> Ride<'s> {
         // A tenth of a simulated second, in ticks.
         let look_up = (100_000_000 / control.nanoseconds()).max(1);
         let length = self.path.map_or(0.0, CurvePath::length);
-        for tick in 0u64.. {
+        let followed = self.pilot.followed_path(FOLLOWED_STEP);
+        if !followed.is_empty() {
+            recorder.record(SimTime::ZERO, &Event::FollowedPath(&followed))?;
+        }
+        let mut tick = 0;
+        loop {
             let time = control.times(tick);
             if tick % look_up == 0 {
                 if stop() {
@@ -372,8 +412,8 @@ impl<'s> Ride<'s> {
                 }
                 return Ok(self.ended(time, tick, outcome, reason));
             }
+            tick += 1;
         }
-        unreachable!("the ticks are counted without end, and the duration ends the run")
     }
 
     /// One control period.

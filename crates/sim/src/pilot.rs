@@ -1,7 +1,7 @@
 //! Whoever holds the handlebar: the ride controller on a path, or the balance law alone.
 
 use crate::error::Error;
-use crate::record::{ControlSample, RidePhase};
+use crate::record::{ControlSample, PathSample, RidePhase};
 use crate::setup::{ScheduledModeChange, Setup};
 use bikebot_control::{AugmentedEnergy, BalanceController, ControlError, Phase, RideController};
 use bikebot_dynamics::{BikeState, Command, Measurement, Offset, TwoLinkState};
@@ -186,6 +186,28 @@ impl Pilot {
                 })
             }
         }
+    }
+
+    /// The followed curve with its speed profile, thinned to one sample per `step` metres.
+    pub fn followed_path(&self, step: f64) -> Vec<PathSample> {
+        let Kind::Rider { controller, .. } = &self.kind else {
+            return Vec::new();
+        };
+        let path = controller.followed_path();
+        let every = (step / path.step()).round().max(1.0) as usize;
+        path.samples()
+            .iter()
+            .enumerate()
+            .step_by(every)
+            .map(|(i, sample)| PathSample {
+                x: sample.position.x,
+                y: sample.position.y,
+                heading: sample.heading,
+                curvature: sample.curvature,
+                s: i as f64 * path.step(),
+                speed: sample.speed,
+            })
+            .collect()
     }
 
     /// Where the true followed point is, from the true state.

@@ -185,7 +185,10 @@ impl Resolver<'_> {
             start,
             start_pose,
             goal,
-            goal_tolerance: scenario.goal.as_ref().map_or(0.3, |goal| goal.tolerance_m),
+            goal_tolerance: goal.map_or(
+                scenario.goal.clone().unwrap_or_default().tolerance_m,
+                |goal| goal.tolerance,
+            ),
             path,
             footprint,
             planning_footprint,
