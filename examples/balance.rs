@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --example balance`
 
+#![allow(clippy::print_stdout, reason = "an example shows what it found")]
+
 use bikebot::control::{BalanceController, BalanceParams};
 use bikebot::dynamics::{
     Actuators, BalancerMode, BikeParams, Integrator, Rk4, TwoLink, TwoLinkInput, TwoLinkState,

@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --example closed_loop`
 
+#![allow(clippy::print_stdout, reason = "an example shows what it found")]
+
 use bikebot::sim::record::Trace;
 use bikebot::sim::{RunControl, ScenarioFile, Setup, run};
 

@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --example draw -- scenarios/fig7.toml > fig7.svg`
 
+#![allow(clippy::print_stdout, reason = "an example shows what it found")]
+
 use bikebot::geometry::Point2;
 use bikebot::sim::record::{Event, RecordError, Recorder, Shape, Trace};
 use bikebot::sim::{RunControl, ScenarioFile, Setup, run};

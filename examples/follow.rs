@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --example follow`
 
+#![allow(clippy::print_stdout, reason = "an example shows what it found")]
+
 use bikebot::control::{BalanceParams, FollowParams, RideController};
 use bikebot::dynamics::{
     Actuators, BalancerMode, Bike, BikeInput, BikeParams, BikeState, Integrator, Measurement, Rk4,

@@ -303,7 +303,7 @@ struct Tick {
 
 impl<'s> Ride<'s> {
     fn new(setup: &'s Setup, path: Option<&'s CurvePath>) -> Result<Self, Error> {
-        let plant = TruePlant::new(setup.plant, setup.true_bike.clone());
+        let plant = TruePlant::new(setup.plant, setup.true_bike);
         let mut state = setup.start;
         if let (Some(path), true) = (
             path,
@@ -497,7 +497,7 @@ impl<'s> Ride<'s> {
         let (Some(laser), Some(world)) = (&mut self.laser, &self.setup.world) else {
             return Ok(());
         };
-        if tick % laser.every == 0 {
+        if tick.is_multiple_of(laser.every) {
             let scan = laser
                 .scanner
                 .scan(world, &self.state.pose, self.state.roll, &mut laser.rng);

@@ -132,14 +132,14 @@ fn centre_line(text: &str, tangent_per_chord: f64) -> Result<Vec<FergusonCurve>,
                 "a path has at most 200000 points",
             );
         }
-        if let [.., a, b] = points[..] {
-            if (b - a).norm() < 1e-6 {
-                return refuse(
-                    "the point repeats the one before",
-                    line_number,
-                    "neighbouring points must differ",
-                );
-            }
+        if let [.., a, b] = points[..]
+            && (b - a).norm() < 1e-6
+        {
+            return refuse(
+                "the point repeats the one before",
+                line_number,
+                "neighbouring points must differ",
+            );
         }
     }
     if points.len() < 2 {

@@ -26,15 +26,21 @@ pub type ReadFile<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, String>;
 pub enum SetupError {
     /// A value of the scenario that is in range but makes no sense in its context.
     #[error(transparent)]
-    Scenario(#[from] ScenarioError),
+    Scenario(Box<ScenarioError>),
     /// The map file is at fault; the error says where in it.
     #[error("{error}")]
     Map {
         /// What is wrong with the map.
-        error: MapError,
+        error: Box<MapError>,
         /// The key of the scenario that names it.
         key: &'static str,
     },
+}
+
+impl From<ScenarioError> for SetupError {
+    fn from(error: ScenarioError) -> Self {
+        Self::Scenario(Box::new(error))
+    }
 }
 
 /// Where the path comes from.
@@ -144,7 +150,7 @@ impl Setup {
     pub fn problem(&self) -> Option<PlanningProblem<'_>> {
         Some(PlanningProblem {
             world: self.world.as_ref()?,
-            footprint: self.planning_footprint.clone(),
+            footprint: self.planning_footprint,
             start: self.start_pose?,
             goal: self.goal?,
             max_curvature: self.planner.max_curvature,
@@ -193,14 +199,14 @@ impl Resolver<'_> {
             footprint,
             planning_footprint,
             planner: scenario.planner.clone(),
-            bike: scenario.bike.params.clone(),
+            bike: scenario.bike.params,
             true_bike,
             mode: scenario.bike.mode,
             mode_changes,
             follow: scenario.follow.clone(),
             balance: scenario.balance.clone(),
-            laser: scenario.laser.clone(),
-            noise: scenario.noise.clone(),
+            laser: scenario.laser,
+            noise: scenario.noise,
             plant: scenario.plant.model,
             step,
             control,
@@ -442,7 +448,7 @@ impl Resolver<'_> {
         };
         let loaded =
             formats::load(name, &bytes, &options, &mut inner).map_err(|error| SetupError::Map {
-                error,
+                error: Box::new(error),
                 key: "map.file",
             })?;
         self.warnings.extend(
@@ -562,7 +568,7 @@ impl Resolver<'_> {
         }
         let curves = match (&section.waypoints, &section.file) {
             (Some(waypoints), None) => self.through(waypoints, section)?,
-            (None, Some(name)) => self.from_file(&name.clone(), section)?,
+            (None, Some(name)) => self.read_path(&name.clone(), section)?,
             (Some(_), Some(_)) => {
                 return self.refuse(
                     "path.file",
@@ -622,7 +628,7 @@ impl Resolver<'_> {
         Ok(curves)
     }
 
-    fn from_file(
+    fn read_path(
         &mut self,
         name: &str,
         section: &PathSection,
@@ -677,7 +683,7 @@ impl Resolver<'_> {
                 0.5 * self.scenario.follow.look_ahead.powi(2) * self.scenario.planner.max_curvature,
             )
         } else {
-            footprint.clone()
+            footprint
         };
         Ok((footprint, planning))
     }

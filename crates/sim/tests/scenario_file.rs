@@ -160,13 +160,12 @@ fn numeric_keys() -> Vec<String> {
                 .pointer(reference.trim_start_matches('#'))
                 .expect("a definition");
         }
-        if let Some(choices) = schema.get("anyOf").and_then(|c| c.as_array()) {
-            if let Some(first) = choices
+        if let Some(choices) = schema.get("anyOf").and_then(|c| c.as_array())
+            && let Some(first) = choices
                 .iter()
                 .find(|c| c.get("type").and_then(|t| t.as_str()) != Some("null"))
-            {
-                return resolve(root, first);
-            }
+        {
+            return resolve(root, first);
         }
         schema
     }

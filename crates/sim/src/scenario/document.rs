@@ -298,7 +298,7 @@ impl ScenarioFile {
                 format!("it may be {known}"),
             ));
         };
-        if let Ok(values) = toml::Table::try_from(&preset) {
+        if let Ok(values) = toml::Table::try_from(preset) {
             for (key, value) in values {
                 bike.entry(key).or_insert(value);
             }

@@ -40,10 +40,10 @@ type Checked = Result<(), Violation>;
 impl<'a> Walker<'a> {
     fn value(&mut self, schema: &'a Json, value: &Toml) -> Checked {
         let schema = self.resolve(schema);
-        if let Some(choices) = schema.get("anyOf").or_else(|| schema.get("oneOf")) {
-            if let Some(choices) = choices.as_array() {
-                return self.any_of(choices, value);
-            }
+        if let Some(choices) = schema.get("anyOf").or_else(|| schema.get("oneOf"))
+            && let Some(choices) = choices.as_array()
+        {
+            return self.any_of(choices, value);
         }
         if let Some(names) = schema.get("enum").and_then(Json::as_array) {
             return self.one_of_names(names.iter().filter_map(Json::as_str).collect(), value);
