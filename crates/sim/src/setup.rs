@@ -451,12 +451,8 @@ impl Resolver<'_> {
                 error: Box::new(error),
                 key: "map.file",
             })?;
-        self.warnings.extend(
-            loaded
-                .warnings
-                .iter()
-                .map(|warning| format!("{name}: {warning}")),
-        );
+        // They name the file themselves.
+        self.warnings.extend(loaded.warnings.iter().cloned());
         Ok(loaded)
     }
 
@@ -672,7 +668,7 @@ impl Resolver<'_> {
             Err(error) => {
                 return self.refuse(
                     "planner.footprint",
-                    format!("`planner.footprint` is \"{written}\": {error}"),
+                    format!("`planner.footprint` is \"{written}\": {}", error.problem),
                     "it may be \"bike\", \"point\", \"disc:0.4\", \"capsule:1.8x0.6\" or \"box:1.8x0.6\"",
                 );
             }

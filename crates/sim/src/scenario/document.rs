@@ -157,13 +157,8 @@ impl ScenarioFile {
                 ),
             ));
         }
-        let mut written: toml::Table = toml::from_str(text).map_err(|error| ScenarioError {
-            message: error.message().trim_end().to_owned(),
-            key: None,
-            span: error.span(),
-            from_override: None,
-            help: Some("a scenario is TOML: `key = value` under `[section]` headers".into()),
-        })?;
+        let mut written: toml::Table =
+            toml::from_str(text).map_err(|error| not_toml(text, &error))?;
         let mut overridden = Vec::new();
         for change in overrides {
             set(&mut written, change)?;
@@ -541,6 +536,32 @@ enum Node<'t> {
 fn schema() -> &'static serde_json::Value {
     static SCHEMA: OnceLock<serde_json::Value> = OnceLock::new();
     SCHEMA.get_or_init(json_schema)
+}
+
+/// What the TOML reader found, in our words where they say more than its own.
+fn not_toml(text: &str, error: &toml::de::Error) -> ScenarioError {
+    let span = error.span();
+    let marked = span
+        .clone()
+        .and_then(|span| text.get(span))
+        .unwrap_or_default();
+    let (message, help) = match error.message().trim_end() {
+        "duplicate key" => (
+            format!("`{marked}` is given twice"),
+            "keep one of them; the keys of a section stand together under one header",
+        ),
+        message => (
+            message.to_owned(),
+            "a scenario is TOML: `key = value` under `[section]` headers",
+        ),
+    };
+    ScenarioError {
+        message,
+        key: None,
+        span,
+        from_override: None,
+        help: Some(help.to_owned()),
+    }
 }
 
 /// Serialises a parameter set into a table; used where one set is laid over another.

@@ -173,7 +173,7 @@ impl<'a> Walker<'a> {
             "string" => "a string in quotes",
             "boolean" => "true or false",
             "array" => "a list in [ ]",
-            "object" => "a table",
+            "object" => "a section of its own",
             other => other,
         };
         let unit = unit_of(self.path.last().map_or("", String::as_str));
@@ -202,16 +202,24 @@ impl<'a> Walker<'a> {
                 .find(|part| part.parse::<usize>().is_err())
                 .map_or("", String::as_str),
         );
-        let lower = above
-            .map(|limit| format!("more than {limit}"))
-            .or(min.map(|limit| format!("at least {limit}")));
-        let upper = below
-            .map(|limit| format!("less than {limit}"))
-            .or(max.map(|limit| format!("at most {limit}")));
-        let range = match (lower, upper) {
-            (Some(lower), Some(upper)) => format!("it takes a number of {lower} and {upper}{unit}"),
-            (Some(only), None) | (None, Some(only)) => format!("it takes a number of {only}{unit}"),
-            (None, None) => format!("it takes a finite number{unit}"),
+        let range = match (min.filter(|_| above.is_none()), above, below, max) {
+            (Some(only), _, None, Some(most)) if only == most => format!("it takes {only}"),
+            (Some(least), _, None, Some(most)) => {
+                format!("it takes a number from {least} to {most}{unit}")
+            }
+            (least, above, below, most) => {
+                let lower = above
+                    .map(|limit| format!("above {limit}"))
+                    .or(least.map(|limit| format!("of at least {limit}")));
+                let upper = below
+                    .map(|limit| format!("below {limit}"))
+                    .or(most.map(|limit| format!("at most {limit}")));
+                let both = [lower, upper].into_iter().flatten().collect::<Vec<_>>();
+                match both.is_empty() {
+                    true => format!("it takes a finite number{unit}"),
+                    false => format!("it takes a number {}{unit}", both.join(" and ")),
+                }
+            }
         };
         let problem = if number.is_finite() {
             "out of range"
@@ -404,6 +412,13 @@ fn quoted_list(names: &[&str]) -> String {
         .join(", ")
 }
 
+/// `max_speed` for `max_speed_mps`: right, but for the unit that belongs to the name.
+fn lacks_only_its_unit(typed: &str, name: &str) -> bool {
+    name.strip_prefix(typed).is_some_and(|rest| {
+        rest.starts_with('_') && !unit_of(rest).is_empty() && !rest[1..].contains("max")
+    })
+}
+
 /// The known name a typing slip most likely meant: least edit distance, at most a third of its length.
 pub(super) fn nearest<'n>(typed: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     let typed_lower = typed.to_lowercase();
@@ -412,7 +427,8 @@ pub(super) fn nearest<'n>(typed: &str, names: impl Iterator<Item = &'n str>) -> 
         .filter(|(distance, name)| {
             *distance <= 2.max(name.len() / 3)
                 || (typed.len() >= 4 && name.starts_with(typed_lower.as_str()))
+                || lacks_only_its_unit(&typed_lower, name)
         })
-        .min_by_key(|(distance, name)| (*distance, *name))
+        .min_by_key(|(distance, name)| (!lacks_only_its_unit(&typed_lower, name), *distance, *name))
         .map(|(_, name)| name)
 }

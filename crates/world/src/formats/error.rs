@@ -150,6 +150,14 @@ pub enum MapProblem {
         /// What would do.
         expected: String,
     },
+    /// A JSON file that does not hold what it should.
+    #[error("{problem}; expected {expected}")]
+    Json {
+        /// What the JSON reader says.
+        problem: String,
+        /// What would do.
+        expected: &'static str,
+    },
     /// Something the format allows and this program does not read.
     #[error("{found} is not read; {instead}")]
     Unsupported {
@@ -170,7 +178,17 @@ pub enum MapProblem {
 
 /// Untrusted text for a message: at most 60 characters, control characters escaped.
 pub(crate) fn shorten(text: &str) -> String {
-    let mut short: String = text.chars().take(60).flat_map(char::escape_debug).collect();
+    let mut short: String = text
+        .chars()
+        .take(60)
+        .map(|c| {
+            if c.is_control() {
+                c.escape_debug().to_string()
+            } else {
+                c.to_string()
+            }
+        })
+        .collect();
     if text.chars().nth(60).is_some() {
         short.push('…');
     }

@@ -109,7 +109,8 @@ pub fn parse_map(name: &str, bytes: &[u8], resolution: f64) -> Result<OccupancyG
     }
     let mut cells = vec![Cell::Free; width * height];
     for row in (0..height).rev() {
-        let Some((number, line)) = lines.next() else {
+        // What follows the last line feed is no row.
+        let Some((number, line)) = lines.next().filter(|(_, line)| !line.is_empty()) else {
             return Err(malformed(
                 last,
                 format!("{} rows", height - 1 - row),

@@ -44,10 +44,9 @@ pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Draft, MapError> {
         MapError::at_line(
             name,
             e.line().max(1),
-            MapProblem::Malformed {
-                found: shorten(found),
-                expected: "a scene: width, height, obstacles [{polygon: [[x, y], …]}], start, goal"
-                    .into(),
+            MapProblem::Json {
+                problem: shorten(found),
+                expected: "a scene: width, height, obstacles [{polygon: [[x, y], …]}], start, goal",
             },
         )
     })?;

@@ -1,0 +1,380 @@
+//! `bikebot run`: plan, ride, record.
+
+use std::collections::BTreeMap;
+use std::io::{BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use bikebot_sim::clock::SimTime;
+use bikebot_sim::outcome::WALL_CLOCK_METRICS;
+use bikebot_sim::record::{
+    Event, McapRecorder, RecordError, RecordOptions, Recorder, ResultInfo, RunInfo, SourceFile,
+    log, sha256_hex,
+};
+use bikebot_sim::setup::PathSource;
+use bikebot_sim::{
+    Error, ExpectCheck, Metrics, Progress, RunControl, RunOutcome, RunReport, Setup,
+};
+use clap::{ArgGroup, Args};
+use serde::Serialize;
+
+use crate::args::{Changes, Force};
+use crate::diag::Diagnostic;
+use crate::exit::{Ending, Exit, Failure, plain};
+use crate::input::Loaded;
+use crate::interrupt;
+use crate::output::Output;
+use crate::recording;
+use crate::render::{self, Sheet};
+use crate::terminal::Terminal;
+
+/// Plan a path, ride it, and record the ride
+///
+/// Prints a summary; the recording (MCAP, opens in Foxglove, Lichtblick, Rerun and
+/// PlotJuggler) carries everything needed to run it again. Without -o it is named
+/// <name>-<seed>.mcap in the current folder, and numbered on where that exists.
+#[derive(Debug, Args)]
+#[command(
+    group(ArgGroup::new("what").required(true).args(["scenario", "from"])),
+    after_help = "\
+Examples:
+  bikebot run scenario.toml
+  bikebot run scenario.toml --seed 7 -o ride.mcap
+  bikebot run scenario.toml --set follow.max_speed_mps=1.2 --json
+  bikebot run --from ride.mcap                the same ride again, from the recording alone"
+)]
+pub struct RunArgs {
+    /// Scenario file (TOML); '-' reads standard input
+    #[arg(value_name = "SCENARIO")]
+    pub scenario: Option<PathBuf>,
+    /// Run again what this recording carries, instead of a scenario file
+    #[arg(long, value_name = "FILE.mcap")]
+    pub from: Option<PathBuf>,
+    #[command(flatten)]
+    pub changes: Changes,
+    /// Where to record [default: <name>-<seed>.mcap]
+    #[arg(short, long, value_name = "FILE.mcap")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub force: Force,
+    /// One JSON object instead of the summary
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Steps of the progress bar.
+const STEPS: u64 = 1000;
+
+/// What `--json` prints (`docs`: the keys are a promise).
+#[derive(Debug, Serialize)]
+struct RunJson<'a> {
+    outcome: &'a str,
+    reason: &'a str,
+    scenario: &'a str,
+    seed: u64,
+    plant: &'a str,
+    mode: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    log: Option<String>,
+    result_hash: &'a str,
+    run_id: &'a str,
+    metrics: &'a Metrics,
+    expect: &'a [ExpectCheck],
+    version: &'a str,
+}
+
+/// Runs it.
+pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
+    let loaded = load(args)?;
+    let setup = loaded.setup(terminal)?;
+    if setup.path == PathSource::Planned {
+        loaded.check_ends(&setup)?;
+    }
+    let output = match &args.output {
+        Some(path) => Output::create(path, args.force.force)?,
+        None => Output::numbered(
+            Path::new(""),
+            &format!("{}-{}", file_stem(&setup.name), setup.seed),
+            "mcap",
+        )?,
+    };
+    interrupt::install()?;
+    let info = run_info(&loaded, &setup);
+    let run_id = info.more.get("run_id").cloned().unwrap_or_default();
+    let stream = BufWriter::new(output.handle()?);
+    let recorder = McapRecorder::begin(stream, &info, &RecordOptions::default())
+        .map_err(|error| unwritten(&output, &error))?;
+    let mut recorder = Lenient {
+        inner: recorder,
+        failure: None,
+    };
+
+    let report = match ride(&setup, &mut recorder, terminal) {
+        Ok(report) => report,
+        Err(error) => {
+            output.discard();
+            return Err(tell(&loaded, error));
+        }
+    };
+    let Lenient { mut inner, failure } = recorder;
+    let recorded = match failure {
+        Some(failure) => Err(failure),
+        None => inner.finish(&result_info(&report)),
+    };
+    let size = inner.bytes_written();
+    drop(inner);
+    // The ride is worth telling even where its recording failed.
+    let recorded = match recorded {
+        Ok(()) => output.finish(),
+        Err(error) => Err(unwritten(&output, &error)),
+    };
+    let log = recorded.as_ref().ok().map(PathBuf::as_path);
+    if args.json {
+        terminal.print_json(&RunJson {
+            outcome: report.outcome.name(),
+            reason: &report.reason,
+            scenario: &setup.name,
+            seed: setup.seed,
+            plant: setup.plant.name(),
+            mode: mode(&setup),
+            log: log.map(render::path),
+            result_hash: &report.result_hash,
+            run_id: &run_id,
+            metrics: &report.metrics,
+            expect: &report.expect,
+            version: env!("CARGO_PKG_VERSION"),
+        })?;
+    } else {
+        terminal.print(&summary(&setup, &report, log, size))?;
+    }
+    recorded?;
+    Ok(match report.outcome {
+        RunOutcome::Interrupted => Exit::Interrupted,
+        _ if report.passed() => Exit::Done,
+        _ => Exit::NotReached,
+    })
+}
+
+fn load(args: &RunArgs) -> Result<Loaded, Failure> {
+    match (&args.scenario, &args.from) {
+        (Some(path), _) => Loaded::read(path, &args.changes),
+        (None, Some(path)) => {
+            let run = log::read_run(&mut recording::open(path)?)
+                .map_err(|error| recording::tell(path, &error))?;
+            if run.version != env!("CARGO_PKG_VERSION") {
+                tracing::warn!(
+                    "recorded by version {}, run again by {}: the result may differ",
+                    run.version,
+                    env!("CARGO_PKG_VERSION")
+                );
+            }
+            Loaded::recorded(path, run.scenario_text, run.files, &args.changes)
+        }
+        (None, None) => unreachable!("clap asks for one of the two"),
+    }
+}
+
+/// Rides, showing how far it has come.
+fn ride(
+    setup: &Setup,
+    recorder: &mut dyn Recorder,
+    terminal: &Terminal,
+) -> Result<RunReport, Error> {
+    let bar = terminal.progress(STEPS, "planning");
+    let began = Instant::now();
+    let report = bikebot_sim::run(
+        setup,
+        recorder,
+        RunControl {
+            stop: &interrupt::asked,
+            progress: &mut |progress| match progress {
+                Progress::Planning => bar.set_message("planning"),
+                Progress::Riding {
+                    time,
+                    distance,
+                    length,
+                } => {
+                    let share = if length > 0.0 {
+                        distance / length
+                    } else {
+                        time / setup.duration.seconds().max(f64::MIN_POSITIVE)
+                    };
+                    bar.set_message("riding");
+                    bar.set_position((share.clamp(0.0, 1.0) * STEPS as f64) as u64);
+                }
+            },
+            clock: Some(&|| began.elapsed().as_secs_f64()),
+        },
+    );
+    bar.finish_and_clear();
+    report
+}
+
+/// A recorder whose failure does not end the ride: it is told at the end.
+struct Lenient<W: Write + Seek> {
+    inner: McapRecorder<W>,
+    failure: Option<RecordError>,
+}
+
+impl<W: Write + Seek> Recorder for Lenient<W> {
+    fn record(&mut self, time: SimTime, event: &Event<'_>) -> Result<(), RecordError> {
+        if self.failure.is_none()
+            && let Err(error) = self.inner.record(time, event)
+        {
+            self.failure = Some(error);
+        }
+        Ok(())
+    }
+}
+
+/// A name as a part of a file name: what separates folders does not belong in it.
+fn file_stem(name: &str) -> String {
+    let plain: String = name
+        .chars()
+        .map(|c| {
+            if c.is_alphanumeric() || "-_. ".contains(c) {
+                c
+            } else {
+                '_'
+            }
+        })
+        .collect();
+    // A leading dot would hide the recording.
+    plain.trim_start_matches('.').to_owned()
+}
+
+fn mode(setup: &Setup) -> String {
+    format!("{:?}", setup.mode).to_lowercase()
+}
+
+/// What the recording says of the run before it starts.
+fn run_info(loaded: &Loaded, setup: &Setup) -> RunInfo {
+    let files: Vec<SourceFile> = setup
+        .files
+        .iter()
+        .map(|(name, data)| SourceFile {
+            name: name.clone(),
+            data: data.clone(),
+        })
+        .collect();
+    // The same question has the same name, wherever and whenever it is asked.
+    let mut identity = format!(
+        "{}\n{}\n{}\n",
+        env!("CARGO_PKG_VERSION"),
+        setup.seed,
+        sha256_hex(setup.scenario_text.as_bytes())
+    );
+    for file in &files {
+        identity.push_str(&format!("{} {}\n", file.name, sha256_hex(&file.data)));
+    }
+    let mut run_id = sha256_hex(identity.as_bytes());
+    run_id.truncate(16);
+    RunInfo {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        scenario: setup.name.clone(),
+        scenario_text: setup.scenario_text.clone(),
+        seed: setup.seed,
+        overrides: loaded.changes().iter().map(ToString::to_string).collect(),
+        files,
+        more: BTreeMap::from([
+            ("plant".to_owned(), setup.plant.name().to_owned()),
+            ("mode".to_owned(), mode(setup)),
+            ("run_id".to_owned(), run_id),
+        ]),
+    }
+}
+
+/// What the recording says of the run when it has ended.
+fn result_info(report: &RunReport) -> ResultInfo {
+    let (clock, metrics): (BTreeMap<String, f64>, BTreeMap<String, f64>) = report
+        .metrics
+        .iter()
+        .map(|(name, value)| (name.to_owned(), value))
+        .partition(|(name, _)| WALL_CLOCK_METRICS.contains(&name.as_str()));
+    let mut host: BTreeMap<String, String> = clock
+        .into_iter()
+        .map(|(name, value)| (name, value.to_string()))
+        .collect();
+    host.insert("os".into(), std::env::consts::OS.into());
+    host.insert("arch".into(), std::env::consts::ARCH.into());
+    ResultInfo {
+        outcome: report.outcome.name().to_owned(),
+        reason: report.reason.clone(),
+        result_hash: report.result_hash.clone(),
+        metrics,
+        expect: report
+            .expect
+            .iter()
+            .map(|check| (check.check.clone(), check.ok))
+            .collect(),
+        host,
+    }
+}
+
+/// A recording that could not be written.
+fn unwritten(output: &Output, error: &RecordError) -> Failure {
+    let cause = match error {
+        RecordError::Write { written, source } => {
+            format!("{} after {}", plain(source), render::bytes(*written))
+        }
+        other => other.to_string(),
+    };
+    let mut diagnostic = Diagnostic::error(format!(
+        "cannot record to {}: {cause}",
+        render::path(output.path())
+    ));
+    if output.part().exists() {
+        diagnostic = diagnostic.help(format!(
+            "`bikebot log recover {}` saves what was written",
+            render::path(output.part())
+        ));
+    }
+    Failure::io(diagnostic)
+}
+
+/// A run that makes no sense.
+fn tell(loaded: &Loaded, error: Error) -> Failure {
+    match error {
+        Error::Plan(error) => Failure::usage(loaded.tell_plan(&error)),
+        Error::Record(error) => Failure::io(Diagnostic::error(error.to_string())),
+        other => Failure::usage(
+            Diagnostic::error(other.to_string())
+                .at_line(loaded.name(), None)
+                .help("`bikebot explain` shows every value and where it comes from"),
+        ),
+    }
+}
+
+/// The summary for people.
+fn summary(setup: &Setup, report: &RunReport, log: Option<&Path>, size: u64) -> String {
+    let mut sheet = Sheet::new(
+        &format!("{}: {} ({})", setup.name, report.outcome, report.reason),
+        &format!(
+            "seed {}, {}, {}",
+            setup.seed,
+            setup.plant.name(),
+            mode(setup)
+        ),
+    );
+    render::metrics(&mut sheet, &report.metrics);
+    render::expectations(&mut sheet, &report.expect);
+    if let Some(log) = log {
+        sheet.say(
+            "recording",
+            format!("{} ({})", render::path(log), render::bytes(size)),
+        );
+    }
+    sheet.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_recordings_stay_in_their_folder() {
+        assert_eq!(file_stem("fig7-balancer"), "fig7-balancer");
+        assert_eq!(file_stem("../../etc/x"), "_.._etc_x");
+        assert_eq!(file_stem(".hidden"), "hidden");
+    }
+}

@@ -1,0 +1,304 @@
+//! A plan as JSON: the keys are a promise to scripts and other programs.
+
+use bikebot_geometry::Point2;
+use bikebot_planner::report::sampling_step;
+use bikebot_planner::{EndPose, PlanError, PlanReport, PlanningProblem};
+use bikebot_sim::Setup;
+use bikebot_sim::record::ResultHasher;
+use serde::Serialize;
+use serde_json::Value;
+
+/// What `bikebot plan --json` prints for each run. What does not apply is absent.
+#[derive(Debug, Clone, Serialize)]
+pub struct PlanJson {
+    /// `found`, `no_path`, `exhausted`, `timed_out`, or `invalid`.
+    pub outcome: String,
+    /// One of a closed list.
+    pub reason: String,
+    /// Which method planned.
+    pub method: &'static str,
+    /// Its seed.
+    pub seed: u64,
+    /// The planning call on a prepared map, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_s: Option<f64>,
+    /// Until the first certified path, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_s: Option<f64>,
+    /// Building what a second query on the same map would reuse, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prepare_s: Option<f64>,
+    /// Iterations of all stages.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub iterations: Option<u64>,
+    /// Length of the path, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<f64>,
+    /// No path is shorter than this, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lower_bound_m: Option<f64>,
+    /// Roughness on the path's own samples.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub roughness: Option<f64>,
+    /// Roughness on samples of a fixed step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub roughness_fixed_step: Option<f64>,
+    /// Largest curvature, 1/m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_curvature_per_m: Option<f64>,
+    /// Largest jump of curvature, 1/m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub curvature_jump_per_m: Option<f64>,
+    /// Least clearance of the footprint, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_clearance_m: Option<f64>,
+    /// `[x_m, y_m, heading_rad, curvature_per_m, s_m]`, dense enough to show the curvature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path: Option<Vec<[f64; 5]>>,
+    /// How the search went.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trace: Option<Vec<TraceJson>>,
+    /// SHA-256 over outcome, reason and segments.
+    pub result_hash: String,
+    /// Version of this program.
+    pub version: &'static str,
+}
+
+/// One step forward of the search.
+#[derive(Debug, Clone, Serialize)]
+pub struct TraceJson {
+    time_s: f64,
+    iteration: u64,
+    stage: Value,
+    length_m: f64,
+    cost: f64,
+}
+
+/// When what happened, as the caller's clock saw it, s.
+#[derive(Debug, Clone, Default)]
+pub struct Times {
+    /// Building what searches on this map share.
+    pub prepare: f64,
+    /// The search.
+    pub plan: f64,
+    /// Each entry of the trace, from the start of the search.
+    pub trace: Vec<f64>,
+}
+
+/// The name an enum has in files.
+fn name(value: &impl Serialize) -> String {
+    match serde_json::to_value(value) {
+        Ok(Value::String(name)) => name,
+        _ => String::new(),
+    }
+}
+
+impl PlanJson {
+    /// What a search came to.
+    pub fn new(report: &PlanReport, problem: &PlanningProblem<'_>, times: &Times) -> Self {
+        let (outcome, reason) = (name(&report.outcome), name(&report.reason));
+        let mut hasher = ResultHasher::new();
+        if let Some(path) = &report.path {
+            for segment in path.segments() {
+                hasher.values(&segment.to_array());
+            }
+        }
+        let result_hash = hasher.finish(&outcome, &reason);
+        let metrics = report.metrics.as_ref();
+        let trace = report
+            .trace
+            .iter()
+            .zip(&times.trace)
+            .map(|(entry, time)| TraceJson {
+                time_s: *time,
+                iteration: entry.iteration,
+                stage: name(&entry.stage).into(),
+                length_m: entry.length,
+                cost: entry.cost,
+            })
+            .collect();
+        // A method that keeps to headings and curvature certifies first in its last stage.
+        let last_stage = report.trace.last().map(|entry| entry.stage);
+        let first = report.path.is_some().then(|| {
+            report
+                .trace
+                .iter()
+                .zip(&times.trace)
+                .find(|(entry, _)| Some(entry.stage) == last_stage)
+                .map_or(times.plan, |(_, time)| *time)
+        });
+        Self {
+            outcome,
+            reason,
+            method: report.method.name(),
+            seed: report.seed,
+            time_s: Some(times.plan),
+            first_s: first,
+            prepare_s: Some(times.prepare),
+            iterations: Some(report.iterations),
+            length_m: metrics.map(|metrics| metrics.length),
+            lower_bound_m: metrics.map(|metrics| metrics.lower_bound),
+            roughness: metrics.map(|metrics| metrics.roughness),
+            roughness_fixed_step: metrics.map(|metrics| metrics.roughness_fixed_step),
+            max_curvature_per_m: metrics.and_then(|metrics| metrics.max_curvature),
+            curvature_jump_per_m: metrics.and_then(|metrics| metrics.curvature_jump),
+            min_clearance_m: metrics.map(|metrics| metrics.min_clearance),
+            path: report.path.as_ref().map(|path| {
+                path.sample(sampling_step(problem))
+                    .iter()
+                    .map(|point| {
+                        let at = point.position;
+                        [at.x, at.y, point.heading, point.curvature, point.s]
+                    })
+                    .collect()
+            }),
+            trace: Some(trace),
+            result_hash,
+            version: env!("CARGO_PKG_VERSION"),
+        }
+    }
+
+    /// A problem that makes no sense.
+    pub fn invalid(error: &PlanError, setup: &Setup, seed: u64) -> Self {
+        let reason = match error {
+            PlanError::StartInObstacle { .. } => "start_in_obstacle",
+            PlanError::GoalInObstacle { .. } => "goal_in_obstacle",
+            PlanError::OutsideMap { .. } => "outside_map",
+            PlanError::InvalidParameter { .. } | PlanError::InvalidFootprint { .. } => {
+                "invalid_parameter"
+            }
+        };
+        Self {
+            outcome: "invalid".into(),
+            reason: reason.into(),
+            method: setup.planner.method.name(),
+            seed,
+            time_s: None,
+            first_s: None,
+            prepare_s: None,
+            iterations: None,
+            length_m: None,
+            lower_bound_m: None,
+            roughness: None,
+            roughness_fixed_step: None,
+            max_curvature_per_m: None,
+            curvature_jump_per_m: None,
+            min_clearance_m: None,
+            path: None,
+            trace: None,
+            result_hash: ResultHasher::new().finish("invalid", reason),
+            version: env!("CARGO_PKG_VERSION"),
+        }
+    }
+}
+
+/// What `-o plan.json` holds: the plan, the curves themselves, and what pictures need.
+#[derive(Debug, Serialize)]
+pub struct PlanFile<'a> {
+    #[serde(flatten)]
+    plan: &'a PlanJson,
+    /// `[x0, y0, vx0, vy0, x1, y1, vx1, vy1]`: Ferguson-Coons pieces.
+    segments: Vec<[f64; 8]>,
+    problem: ProblemJson,
+    stages: StagesJson,
+}
+
+#[derive(Debug, Serialize)]
+struct ProblemJson {
+    map: Option<String>,
+    bounds_m: [f64; 4],
+    footprint: String,
+    margin_m: f64,
+    max_curvature_per_m: f64,
+    start: EndJson,
+    goal: EndJson,
+    tolerance_m: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct EndJson {
+    x_m: f64,
+    y_m: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    heading_rad: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct StagesJson {
+    tree: Vec<[[f64; 2]; 2]>,
+    corridor_tree: Vec<[f64; 8]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    coarse: Option<Vec<[f64; 2]>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    guide: Option<Vec<[f64; 2]>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    corridor_half_width_m: Option<f64>,
+}
+
+fn pair(point: &Point2) -> [f64; 2] {
+    [point.x, point.y]
+}
+
+impl From<EndPose> for EndJson {
+    fn from(end: EndPose) -> Self {
+        Self {
+            x_m: end.position.x,
+            y_m: end.position.y,
+            heading_rad: end.heading,
+        }
+    }
+}
+
+impl<'a> PlanFile<'a> {
+    /// The file for a plan of `problem` on the map of that name.
+    pub fn new(
+        plan: &'a PlanJson,
+        report: &PlanReport,
+        problem: &PlanningProblem<'_>,
+        margin: f64,
+        map: Option<String>,
+    ) -> Self {
+        let bounds = problem.world.bounds();
+        let stages = &report.stages;
+        let vertices =
+            |line: &bikebot_geometry::Polyline| line.vertices().iter().map(pair).collect();
+        Self {
+            plan,
+            segments: report
+                .path
+                .as_ref()
+                .map(|path| {
+                    path.segments()
+                        .iter()
+                        .map(|segment| segment.to_array())
+                        .collect()
+                })
+                .unwrap_or_default(),
+            problem: ProblemJson {
+                map,
+                bounds_m: [bounds.min.x, bounds.min.y, bounds.max.x, bounds.max.y],
+                footprint: problem.footprint.to_string(),
+                margin_m: margin,
+                max_curvature_per_m: problem.max_curvature,
+                start: problem.start.into(),
+                goal: problem.goal.end().into(),
+                tolerance_m: problem.goal.tolerance,
+            },
+            stages: StagesJson {
+                tree: stages
+                    .tree
+                    .iter()
+                    .map(|[a, b]| [pair(a), pair(b)])
+                    .collect(),
+                corridor_tree: stages
+                    .corridor_tree
+                    .iter()
+                    .map(|curve| curve.to_array())
+                    .collect(),
+                coarse: stages.coarse.as_ref().map(vertices),
+                guide: stages.guide.as_ref().map(vertices),
+                corridor_half_width_m: stages.corridor_half_width,
+            },
+        }
+    }
+}
