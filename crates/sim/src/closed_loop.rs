@@ -35,6 +35,11 @@ const RECOVERED: (f64, f64) = (0.5 * std::f64::consts::PI / 180.0, 0.05);
 const FOLLOWED_STEP: f64 = 0.05;
 /// How long the bike has to be at rest before the ride ends, s.
 const REST_TIME: f64 = 0.5;
+/// At rest: slower than this, m/s, upright within this, rad, and turning over at less than this, rad/s.
+/// A roll sensor with a bias, or a moment that the balancer cannot hold, is met by a lean of a few degrees.
+const REST_SPEED: f64 = 0.005;
+const REST_ROLL: f64 = 5.0 * std::f64::consts::PI / 180.0;
+const REST_ROLL_RATE: f64 = 0.05;
 
 /// How far a run has come, for a progress display.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -676,14 +681,20 @@ impl<'s> Ride<'s> {
         Ok(verdict)
     }
 
-    /// The ride is over when the bike has stood still and upright for a while.
+    /// The ride is over when the bike has stood still and upright for a while, in truth: a noisy roll sensor
+    /// is never still for long.
     fn at_rest(
         &mut self,
         time: SimTime,
         output: &PilotOutput,
         recorder: &mut dyn Recorder,
     ) -> Result<Option<(RunOutcome, &'static str)>, Error> {
-        if self.path.is_none() || !output.at_rest {
+        let state = &self.state;
+        let at_rest = output.holds
+            && state.speed.abs() < REST_SPEED
+            && state.roll.abs() < REST_ROLL
+            && state.roll_rate.abs() < REST_ROLL_RATE;
+        if self.path.is_none() || !at_rest {
             self.resting = SimTime::ZERO;
             return Ok(None);
         }

@@ -39,7 +39,8 @@ pub(crate) struct PilotOutput {
     pub decoupling: Option<f64>,
     pub fallback: bool,
     pub energy: Option<AugmentedEnergy>,
-    pub at_rest: bool,
+    /// The controller has brought the bike to a standstill and holds it there.
+    pub holds: bool,
     /// What of this the recording shows.
     pub sample: ControlSample,
 }
@@ -155,7 +156,7 @@ impl Pilot {
                     decoupling: Some(output.decoupling),
                     fallback: output.fallback,
                     energy: Some(output.energy),
-                    at_rest: output.at_rest,
+                    holds: output.phase == Phase::Hold,
                     sample,
                 })
             }
@@ -181,7 +182,7 @@ impl Pilot {
                     decoupling: Some(output.decoupling),
                     fallback: output.fallback,
                     energy: None,
-                    at_rest: false,
+                    holds: false,
                     sample,
                 })
             }
