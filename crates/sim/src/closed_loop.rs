@@ -26,8 +26,8 @@ use crate::true_plant::TruePlant;
 use bikebot_dynamics::{
     Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Saturation, Sensors,
 };
-use bikebot_geometry::{CurvePath, Pose2};
-use bikebot_planner::{Budget, Outcome, PlanReport, PlannedPath};
+use bikebot_geometry::CurvePath;
+use bikebot_planner::{Budget, EndPose, Outcome, PlanReport, PlannedPath};
 
 /// |roll| (rad) and |roll rate| (rad/s) below which a standing bike counts as recovered.
 const RECOVERED: (f64, f64) = (0.5 * std::f64::consts::PI / 180.0, 0.05);
@@ -341,7 +341,7 @@ impl<'s> Ride<'s> {
             actuators: Actuators::new(plant.params()),
             falls: FallMonitor::new(setup.control, plant.params().friction),
             passivity: PassivityMonitor::default(),
-            metrics: RideMetrics::new(path),
+            metrics: RideMetrics::new(setup.plant, path),
             input: BikeInput {
                 offset: pilot.offset(),
                 ..BikeInput::default()
@@ -721,17 +721,17 @@ impl<'s> Ride<'s> {
         }
     }
 
-    /// The pose to come to rest at, and how far from it is near enough.
-    fn target(&self) -> Option<(Pose2, f64)> {
+    /// Where to come to rest, the goal or else the path's end, and how far from it is near enough, m.
+    fn target(&self) -> Option<(EndPose, f64)> {
         let end = self.path?.end_pose();
-        let position = self.setup.goal.map_or(end.position, |goal| goal.position);
-        Some((
-            Pose2 {
-                position,
-                heading: end.heading,
+        let target = self.setup.goal.map_or(
+            EndPose {
+                position: end.position,
+                heading: Some(end.heading),
             },
-            self.setup.goal_tolerance,
-        ))
+            |goal| goal.end(),
+        );
+        Some((target, self.setup.goal_tolerance))
     }
 
     fn at_the_end_of_time(&self) -> (RunOutcome, &'static str) {
@@ -750,14 +750,7 @@ impl<'s> Ride<'s> {
         let at_rest = matches!(outcome, RunOutcome::Arrived | RunOutcome::Stopped)
             .then(|| self.target())
             .flatten()
-            .map(|(target, _)| {
-                let free = self.setup.goal.is_some_and(|goal| goal.heading.is_none());
-                (
-                    &self.state.pose,
-                    target.position,
-                    (!free).then_some(target.heading),
-                )
-            });
+            .map(|(target, _)| (&self.state.pose, target.position, target.heading));
         let passivity = self.path.map(|_| self.passivity.violations());
         Ridden {
             outcome,

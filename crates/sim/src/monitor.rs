@@ -83,6 +83,16 @@ impl FallMonitor {
     }
 }
 
+/// Share of the rear wheel's friction in use; `None` off the ground, where there is none to use.
+pub(crate) fn loaded_use_rear(contact: &ContactForces, friction: f64) -> Option<f64> {
+    (contact.rear_load > 0.0).then(|| contact.friction_use_rear(friction))
+}
+
+/// As [`loaded_use_rear`] for the front wheel.
+pub(crate) fn loaded_use_front(contact: &ContactForces, friction: f64) -> Option<f64> {
+    (contact.front_load > 0.0).then(|| contact.friction_use_front(friction))
+}
+
 /// Holds the augmented system of the path follower to its energy account.
 ///
 /// The coupling of passive velocity field control does no work, so the stored energy may rise

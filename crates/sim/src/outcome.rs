@@ -141,9 +141,9 @@ metrics! {
     corner_speed_mps: f64, most;
     /// Largest curvature of the planned path, 1/m.
     max_path_curvature_per_m: f64, most;
-    /// Greatest share of the rear wheel's friction in use.
+    /// Greatest share of the rear wheel's friction in use, while it is on the ground.
     friction_use_rear_max: f64, most;
-    /// Greatest share of the front wheel's friction in use.
+    /// Greatest share of the front wheel's friction in use, while it is on the ground.
     friction_use_front_max: f64, most;
     /// Least load of either wheel, N.
     wheel_load_min_n: f64, least;

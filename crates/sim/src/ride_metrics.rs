@@ -1,6 +1,8 @@
 //! Gathers the metrics of a ride, tick by tick, from the true state.
 
+use crate::monitor::{loaded_use_front, loaded_use_rear};
 use crate::outcome::Metrics;
+use crate::scenario::PlantModel;
 use bikebot_dynamics::{BikeState, ContactForces};
 use bikebot_geometry::{CurvePath, Point2, Pose2};
 
@@ -32,7 +34,10 @@ pub(crate) struct TickFacts<'a> {
 #[derive(Debug, Clone)]
 pub(crate) struct RideMetrics {
     metrics: Metrics,
-    has_contact: bool,
+    /// The plant rolls and carries a balancer.
+    balances: bool,
+    /// The plant moves over the ground.
+    travels: bool,
     distance: f64,
     last_position: Option<Point2>,
     error_sum: f64,
@@ -47,14 +52,15 @@ pub(crate) struct RideMetrics {
 }
 
 impl RideMetrics {
-    pub fn new(path: Option<&CurvePath>) -> Self {
+    pub fn new(plant: PlantModel, path: Option<&CurvePath>) -> Self {
         let corner = path.and_then(sharpest_corner);
         Self {
             metrics: Metrics {
                 max_path_curvature_per_m: path.map(CurvePath::max_curvature),
                 ..Metrics::default()
             },
-            has_contact: false,
+            balances: plant != PlantModel::Kinematic,
+            travels: plant != PlantModel::TwoLink,
             distance: 0.0,
             last_position: None,
             error_sum: 0.0,
@@ -72,28 +78,36 @@ impl RideMetrics {
     pub fn add(&mut self, facts: &TickFacts<'_>, path: Option<&CurvePath>) -> Option<f64> {
         let state = facts.state;
         self.ticks += 1;
+        let mut moved = 0.0;
         if let Some(last) = self.last_position {
-            self.distance += (state.pose.position - last).norm();
+            moved = (state.pose.position - last).norm();
+            self.distance += moved;
         }
         self.last_position = Some(state.pose.position);
         self.torque_sum += facts.balancer_torque.powi(2);
 
         let m = &mut self.metrics;
-        raise(&mut m.roll_max_deg, state.roll.abs().to_degrees());
-        raise(&mut m.balancer_torque_max_nm, facts.balancer_torque.abs());
-        raise(&mut m.balancer_speed_max_radps, state.balancer_rate.abs());
-        raise(&mut m.balancer_angle_max_rad, state.balancer.abs());
-        raise(&mut m.speed_max_mps, state.speed);
+        if self.balances {
+            raise(&mut m.roll_max_deg, state.roll.abs().to_degrees());
+            raise(&mut m.balancer_torque_max_nm, facts.balancer_torque.abs());
+            raise(&mut m.balancer_speed_max_radps, state.balancer_rate.abs());
+            raise(&mut m.balancer_angle_max_rad, state.balancer.abs());
+            if let Some(decoupling) = facts.decoupling {
+                lower(&mut m.decoupling_margin_min, decoupling.abs());
+                *m.balance_fallbacks.get_or_insert(0) += u64::from(facts.fallback);
+            }
+        }
+        if self.travels {
+            raise(&mut m.speed_max_mps, state.speed);
+        }
         if let Some(contact) = facts.contact {
-            self.has_contact = true;
-            raise(
-                &mut m.friction_use_rear_max,
-                contact.friction_use_rear(facts.friction),
-            );
-            raise(
-                &mut m.friction_use_front_max,
-                contact.friction_use_front(facts.friction),
-            );
+            // A wheel off the ground has no friction to use; that it lifted is in the load.
+            if let Some(used) = loaded_use_rear(contact, facts.friction) {
+                raise(&mut m.friction_use_rear_max, used);
+            }
+            if let Some(used) = loaded_use_front(contact, facts.friction) {
+                raise(&mut m.friction_use_front_max, used);
+            }
             lower(
                 &mut m.wheel_load_min_n,
                 contact.rear_load.min(contact.front_load),
@@ -102,18 +116,18 @@ impl RideMetrics {
         if let Some(clearance) = facts.clearance {
             lower(&mut m.min_clearance_m, clearance);
         }
-        if let Some(decoupling) = facts.decoupling {
-            lower(&mut m.decoupling_margin_min, decoupling.abs());
-            *m.balance_fallbacks.get_or_insert(0) += u64::from(facts.fallback);
-        }
         if let Some(error) = facts.lateral_error.filter(|_| self.distance >= ERROR_FROM) {
             raise(&mut m.lateral_error_max_m, error.abs());
             self.error_sum += error * error;
             self.error_count += 1;
         }
         let path = path?;
-        self.corner_speed(facts, path);
-        let rear = path.project(state.pose.position, self.rear_s - 0.5, self.rear_s + 1.0);
+        self.corner_speed(facts, path, moved);
+        let rear = path.project(
+            state.pose.position,
+            self.rear_s - 0.5,
+            self.rear_s + 1.0 + moved,
+        );
         self.rear_s = rear.s;
         if self.rear_s > 0.0 && self.rear_s < path.length() {
             raise(&mut self.metrics.rear_error_max_m, rear.distance);
@@ -121,12 +135,12 @@ impl RideMetrics {
         Some(rear.distance)
     }
 
-    fn corner_speed(&mut self, facts: &TickFacts<'_>, path: &CurvePath) {
+    fn corner_speed(&mut self, facts: &TickFacts<'_>, path: &CurvePath, moved: f64) {
         let (Some(corner), Some((point, ahead))) = (self.corner, facts.followed_point) else {
             return;
         };
         let before = self.front_s;
-        self.front_s = path.project(point, before - 0.5, before + 1.0).s;
+        self.front_s = path.project(point, before - 0.5, before + 1.0 + moved).s;
         if before < corner && self.front_s >= corner && self.corner_speed.is_none() {
             self.corner_speed = Some(facts.state.speed.hypot(ahead * facts.yaw_rate));
         }
@@ -142,10 +156,10 @@ impl RideMetrics {
     ) -> Metrics {
         let m = &mut self.metrics;
         m.time_s = Some(time);
-        if self.ticks > 0 {
+        if self.ticks > 0 && self.balances {
             m.balancer_torque_rms_nm = Some((self.torque_sum / self.ticks as f64).sqrt());
         }
-        m.distance_m = Some(self.distance);
+        m.distance_m = self.travels.then_some(self.distance);
         if self.error_count > 0 {
             m.lateral_error_rms_m = Some((self.error_sum / self.error_count as f64).sqrt());
         }

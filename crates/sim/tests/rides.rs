@@ -103,3 +103,63 @@ fn a_ride_begins_from_rest_in_both_modes() {
         assert_arrives(&[&format!("bike.mode={mode}"), "start.speed_mps=0.0"]);
     }
 }
+
+#[test]
+fn a_kinematic_ride_reports_nothing_of_a_balance_it_does_not_keep() {
+    let metrics = assert_arrives(&["plant.model=kinematic"]).metrics;
+    let found: Vec<&str> = metrics.iter().map(|(name, _)| name).collect();
+    let absent = |name: &&str| {
+        ["roll", "balanc", "decoupling", "friction", "wheel"]
+            .iter()
+            .any(|part| name.starts_with(part))
+    };
+    assert!(!found.iter().any(absent), "{found:?}");
+    for name in ["distance_m", "lateral_error_max_m", "corner_speed_mps"] {
+        assert!(found.contains(&name), "{name} is missing");
+    }
+}
+
+#[test]
+fn a_bike_that_stands_reports_no_way_and_no_speed() {
+    let report = ride_of(
+        "format = 1\nname = \"stand\"\n[start]\nroll_deg = 2.0\n[plant]\nmodel = \"two_link\"\n[run]\nduration_s = 7.0\n",
+        &[],
+    );
+    assert_eq!(report.outcome, RunOutcome::Arrived);
+    assert_eq!(report.metrics.distance_m, None);
+    assert_eq!(report.metrics.speed_max_mps, None);
+    assert!(report.metrics.roll_max_deg.is_some_and(|roll| roll >= 2.0));
+}
+
+#[test]
+fn the_end_is_measured_against_the_goal_and_not_the_end_of_the_path() {
+    let metrics =
+        assert_arrives(&["goal.x_m=8.0", "goal.y_m=8.1", "goal.heading_deg=80.0"]).metrics;
+    assert!(
+        metrics
+            .end_position_error_m
+            .is_some_and(|error| (error - 0.1).abs() < 0.01)
+    );
+    assert!(
+        metrics
+            .end_heading_error_deg
+            .is_some_and(|error| (error - 10.0).abs() < 1.0)
+    );
+}
+
+#[test]
+fn no_metric_of_a_ride_that_lifts_a_wheel_is_infinite() {
+    // The offset mass, spun up by a start from 8 degrees, lifts the bike off a wheel (§12.7).
+    let report = ride(&["bike.mode=balancer", "start.roll_deg=8.0"]);
+    assert_eq!(report.reason, "wheel_lift", "{:?}", report.metrics);
+    for (name, value) in report.metrics.iter() {
+        assert!(value.is_finite(), "{name} is {value}");
+    }
+    assert!(report.metrics.friction_use_rear_max.is_some());
+    assert!(
+        report
+            .metrics
+            .wheel_load_min_n
+            .is_some_and(|load| load < 0.0)
+    );
+}
