@@ -27,6 +27,14 @@ pub enum ControlError {
         /// Shortest path that can be followed, m.
         least: f64,
     },
+    /// The path is longer than what is tabulated of it may be.
+    #[error("the path is {length} m long; at most {most} m can be followed")]
+    PathTooLong {
+        /// Length of the path, m.
+        length: f64,
+        /// Longest path that can be followed, m.
+        most: f64,
+    },
     /// The path contains a point that is not finite or two equal neighbours.
     #[error("the path cannot be sampled at s = {arc_length} m")]
     PathDegenerate {

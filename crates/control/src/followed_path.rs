@@ -68,12 +68,16 @@ pub struct FollowedPath {
 impl FollowedPath {
     /// Least length of a planned path, m.
     pub const MIN_LENGTH: f64 = 0.2;
+    /// Greatest length of a planned path, m: its table, with what it takes to make it, stays below half a
+    /// gigabyte.
+    pub const MAX_LENGTH: f64 = 20_000.0;
 
     /// Tabulates the curve that makes the rear contact ride `path`.
     ///
     /// # Errors
     ///
-    /// [`ControlError::PathTooShort`] below [`Self::MIN_LENGTH`] and
+    /// [`ControlError::PathTooShort`] below [`Self::MIN_LENGTH`], [`ControlError::PathTooLong`] above
+    /// [`Self::MAX_LENGTH`] and
     /// [`ControlError::PathDegenerate`] where the path has no direction.
     pub fn new(
         path: &CurvePath,
@@ -85,6 +89,12 @@ impl FollowedPath {
             return Err(ControlError::PathTooShort {
                 length,
                 least: Self::MIN_LENGTH,
+            });
+        }
+        if length > Self::MAX_LENGTH {
+            return Err(ControlError::PathTooLong {
+                length,
+                most: Self::MAX_LENGTH,
             });
         }
         let lateral = params.lateral_acceleration.min(limits.lateral_acceleration);

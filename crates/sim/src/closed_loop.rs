@@ -22,7 +22,7 @@ use crate::record::{
 use crate::ride_metrics::{RideMetrics, TickFacts};
 use crate::scenario::PlantModel;
 use crate::setup::{PathSource, Setup};
-use crate::true_plant::TruePlant;
+use crate::true_plant::{TruePlant, true_offset};
 use bikebot_dynamics::{
     Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Saturation, Sensors,
 };
@@ -142,6 +142,15 @@ pub fn run(
     };
     let planned = now();
     picture::plan(setup, plan.as_ref(), path.as_ref(), recorder)?;
+    if let Some(text) = path.as_ref().and_then(|path| too_tight(setup, path)) {
+        recorder.record(
+            SimTime::ZERO,
+            &Event::Log {
+                level: LogLevel::Warning,
+                text: &text,
+            },
+        )?;
+    }
 
     let ridden = if path.is_none() && setup.path == PathSource::Planned {
         let (outcome, reason) = without_path(plan.as_ref());
@@ -259,6 +268,19 @@ fn reason_name(reason: bikebot_planner::Reason) -> String {
     }
 }
 
+/// What to say of a path that turns more tightly than the steering stops allow.
+fn too_tight(setup: &Setup, path: &CurvePath) -> Option<String> {
+    let (curvature, possible) = (
+        path.max_curvature(),
+        setup.bike.steer_max().tan() / setup.bike.wheelbase,
+    );
+    (curvature > possible).then(|| {
+        format!(
+            "the path turns with up to {curvature:.3} 1/m, but the steering allows no more than {possible:.3} 1/m"
+        )
+    })
+}
+
 struct Ridden {
     outcome: RunOutcome,
     reason: String,
@@ -343,7 +365,7 @@ impl<'s> Ride<'s> {
             passivity: PassivityMonitor::default(),
             metrics: RideMetrics::new(setup.plant, path),
             input: BikeInput {
-                offset: pilot.offset(),
+                offset: true_offset(&setup.bike, &setup.true_bike, setup.mode, pilot.offset()),
                 ..BikeInput::default()
             },
             distance: 0.0,
@@ -476,6 +498,8 @@ impl<'s> Ride<'s> {
         let dt = self.setup.step.seconds();
         let steps = self.setup.control.nanoseconds() / self.setup.step.nanoseconds();
         let mut saturation = Saturation::default();
+        let setup = self.setup;
+        let offset = true_offset(&setup.bike, &setup.true_bike, setup.mode, output.offset);
         for step in 0..steps {
             let applied =
                 self.actuators
@@ -485,7 +509,7 @@ impl<'s> Ride<'s> {
                 drive_force: applied.drive_force,
                 steer_rate: applied.steer_rate,
                 balancer_torque: applied.balancer_torque,
-                offset: output.offset,
+                offset,
                 ..BikeInput::default()
             };
             if step == 0 {

@@ -112,8 +112,12 @@ impl Pilot {
                     .get(self.next_change)
                     .filter(|change| t >= change.time)
                 {
-                    controller.request_mode(change.mode, change.duration)?;
-                    self.next_change += 1;
+                    match controller.request_mode(change.mode, change.duration) {
+                        Ok(()) => self.next_change += 1,
+                        // The one before still waits for a calm moment; so does this one.
+                        Err(ControlError::ModeChangeUnderWay) => {}
+                        Err(error) => return Err(error),
+                    }
                 }
                 let output = controller.tick(measured)?;
                 self.offset = output.offset;

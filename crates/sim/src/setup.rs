@@ -7,7 +7,7 @@ use crate::outcome::Expect;
 use crate::path_file::{self, PathFileError};
 use crate::record::RecordOptions;
 use crate::scenario::{PathSection, PlantModel, Scenario, ScenarioError, ScenarioFile};
-use bikebot_control::{BalanceParams, FollowParams};
+use bikebot_control::{BalanceParams, FollowParams, FollowedPath};
 use bikebot_dynamics::{
     BalancerMode, BikeParams, BikeState, LaserParams, LaserScanner, SensorParams,
 };
@@ -42,6 +42,11 @@ impl From<ScenarioError> for SetupError {
         Self::Scenario(Box::new(error))
     }
 }
+
+/// Longest path a scenario may give, m.
+pub const MAX_PATH_LENGTH: f64 = FollowedPath::MAX_LENGTH;
+/// Most control ticks a scenario may ask for: five times a day at 200 Hz.
+pub const MAX_TICKS: u64 = 100_000_000;
 
 /// Where the path comes from.
 #[derive(Debug, Clone, PartialEq)]
@@ -179,7 +184,9 @@ impl Resolver<'_> {
         let scenario = self.scenario;
         let (step, control) = self.rates()?;
         let field = self.field()?;
+        let laser = self.laser(control, field.world.is_some())?;
         let path = self.path()?;
+        self.start_fits_the_plant()?;
         let (start, start_pose) = self.start(&field, &path)?;
         let goal = self.goal(&field, &path)?;
         let (footprint, planning_footprint) = self.footprints()?;
@@ -205,7 +212,7 @@ impl Resolver<'_> {
             mode_changes,
             follow: scenario.follow.clone(),
             balance: scenario.balance.clone(),
-            laser: scenario.laser,
+            laser,
             noise: scenario.noise,
             plant: scenario.plant.model,
             step,
@@ -252,29 +259,108 @@ impl Resolver<'_> {
                 "choose the step so that the control period is a whole number of steps, such as 0.0025 in 0.005",
             );
         }
-        let laser = &self.scenario.laser;
-        if laser.enabled {
-            if let Err(error) = LaserScanner::new(laser) {
+        let ticks = SimTime::from_seconds(self.scenario.run.duration_s).nanoseconds()
+            / control.nanoseconds();
+        if ticks > MAX_TICKS {
+            return self.refuse(
+                "run.duration_s",
+                format!(
+                    "`run.duration_s` = {} holds {ticks} control periods of {} s",
+                    self.scenario.run.duration_s, plant.control_s
+                ),
+                format!("a run has at most {MAX_TICKS}; shorten it, or control less often"),
+            );
+        }
+        Ok((step, control))
+    }
+
+    /// The laser as it is mounted: a bike without a map has nothing to look at and carries none.
+    fn laser(&mut self, control: Period, has_map: bool) -> Result<LaserParams, SetupError> {
+        let laser = self.scenario.laser;
+        if !laser.enabled {
+            return Ok(laser);
+        }
+        if !has_map {
+            if self.file.is_written("laser.enabled") {
                 return self.refuse(
-                    "laser",
-                    format!("[laser]: {error}"),
-                    "see the keys of [laser] in `bikebot schema`",
+                    "laser.enabled",
+                    "`laser.enabled` is true, but the scenario has no [map] to look at",
+                    "add [map], or remove it",
                 );
             }
-            let divides =
-                Period::from_hertz(laser.rate).is_ok_and(|scan| scan.in_steps_of(control).is_ok());
-            if !divides {
+            if self.file.is_written("laser") {
+                self.warnings
+                    .push("[laser] has no effect: the scenario has no [map] to look at".into());
+            }
+            return Ok(LaserParams {
+                enabled: false,
+                ..laser
+            });
+        }
+        if let Err(error) = LaserScanner::new(&laser) {
+            return self.refuse(
+                "laser",
+                format!("[laser]: {error}"),
+                "see the keys of [laser] in `bikebot schema`",
+            );
+        }
+        let divides =
+            Period::from_hertz(laser.rate).is_ok_and(|scan| scan.in_steps_of(control).is_ok());
+        if !divides {
+            return self.refuse(
+                "laser.rate_hz",
+                format!(
+                    "`laser.rate_hz` = {} does not fit the control period of {} s",
+                    laser.rate,
+                    control.seconds()
+                ),
+                "one scan has to take a whole number of control periods, such as 10, 20 or 40 Hz with 0.005 s; \
+                 or set laser.enabled = false",
+            );
+        }
+        Ok(laser)
+    }
+
+    /// Refuses what the start says about motions that the plant does not have.
+    fn start_fits_the_plant(&self) -> Result<(), SetupError> {
+        let start = &self.scenario.start;
+        let (model, still): (PlantModel, &[(&str, f64)]) = match self.scenario.plant.model {
+            PlantModel::Bike3d => (PlantModel::Bike3d, &[]),
+            PlantModel::TwoLink => (
+                PlantModel::TwoLink,
+                &[
+                    ("speed_mps", start.speed_mps),
+                    ("steer_deg", start.steer_deg),
+                ],
+            ),
+            PlantModel::Kinematic => (
+                PlantModel::Kinematic,
+                &[
+                    ("roll_deg", start.roll_deg),
+                    ("roll_rate_radps", start.roll_rate_radps),
+                    ("balancer_rad", start.balancer_rad),
+                    ("balancer_rate_radps", start.balancer_rate_radps),
+                ],
+            ),
+        };
+        for (key, value) in still {
+            if *value != 0.0 {
+                let what = if model == PlantModel::TwoLink {
+                    "stands still"
+                } else {
+                    "does not roll"
+                };
                 return self.refuse(
-                    "laser.rate_hz",
+                    &format!("start.{key}"),
                     format!(
-                        "`laser.rate_hz` = {} does not fit the control period of {} s",
-                        laser.rate, plant.control_s
+                        "`start.{key}` is {value}, but `plant.model` = \"{}\" {what}",
+                        model.name()
                     ),
-                    "one scan has to take a whole number of control periods, such as 10, 20 or 40 Hz with 0.005 s",
+                    "remove it, or choose plant.model = \"bike3d\"",
                 );
             }
         }
-        Ok((step, control))
+        Ok(())
     }
 
     // --- the field -----------------------------------------------------------------------------
@@ -289,7 +375,9 @@ impl Resolver<'_> {
             field.start = loaded.start;
             field.goal = loaded.goal;
             field.world = Some(loaded.world);
-        } else if let Some(key) = map.meters_per_cell.map(|_| "map.meters_per_cell") {
+        } else if let Some(key) = (map.meters_per_cell.map(|_| "map.meters_per_cell"))
+            .or(map.unknown_is_free.then_some("map.unknown_is_free"))
+        {
             return self.refuse(
                 key,
                 format!("`{key}` is given without `map.file`"),
@@ -480,10 +568,13 @@ impl Resolver<'_> {
             };
         let x = coordinate(start.x_m, end.map(|pose| pose.position.x), "start.x_m")?;
         let y = coordinate(start.y_m, end.map(|pose| pose.position.y), "start.y_m")?;
+        // The heading a map or a path names belongs to the place it names. A place of one's own leaves the
+        // heading free to the plan; on a given path there is only the path's.
+        let is_named = start.x_m.is_none() && start.y_m.is_none() || *path != PathSource::Planned;
         let heading = start
             .heading_deg
             .map(f64::to_radians)
-            .or(end.and_then(|pose| pose.heading));
+            .or(end.filter(|_| is_named).and_then(|pose| pose.heading));
         let state = BikeState {
             pose: Pose2::new(x, y, heading.unwrap_or(0.0)),
             steer: start.steer_deg.to_radians(),
@@ -527,9 +618,11 @@ impl Resolver<'_> {
                 .flatten()
         });
         let tolerance = match self.scenario.planner.goal {
-            // The paper's ball 𝒳_goal has radius l = 3 · scale.
-            GoalMode::Ball => self.scenario.planner.table_goal_tolerance(),
-            GoalMode::Pose => section.tolerance_m,
+            // The paper's ball 𝒳_goal has radius l = 3 · scale, unless the scenario says another.
+            GoalMode::Ball if !self.file.is_written("goal.tolerance_m") => {
+                self.scenario.planner.table_goal_tolerance()
+            }
+            GoalMode::Ball | GoalMode::Pose => section.tolerance_m,
         };
         Ok(Some(GoalRegion {
             position: Point2::new(x, y),
@@ -544,6 +637,11 @@ impl Resolver<'_> {
         let scenario = self.scenario;
         let Some(section) = &scenario.path else {
             if scenario.plant.model == PlantModel::TwoLink {
+                if scenario.goal.is_some() {
+                    self.warnings.push(
+                        "[goal] has no effect: `plant.model` = \"two_link\" stands still".into(),
+                    );
+                }
                 return Ok(PathSource::Standing);
             }
             if scenario.map.is_none() {
@@ -580,20 +678,25 @@ impl Resolver<'_> {
                 );
             }
         };
+        let key = if section.file.is_some() {
+            "path.file"
+        } else {
+            "path.waypoints"
+        };
         match CurvePath::new(curves) {
-            Ok(path) => Ok(PathSource::Given(path)),
-            Err(error) => {
-                let key = if section.file.is_some() {
-                    "path.file"
-                } else {
-                    "path.waypoints"
-                };
-                self.refuse(
-                    key,
-                    format!("`{key}`: {error}"),
-                    "neighbouring points must differ",
-                )
-            }
+            Ok(path) if path.length() <= MAX_PATH_LENGTH => Ok(PathSource::Given(path)),
+            Ok(path) => self.refuse(
+                key,
+                format!("`{key}`: the path is {:.0} m long", path.length()),
+                format!(
+                    "a path to ride has at most {MAX_PATH_LENGTH} m; are its points in metres?"
+                ),
+            ),
+            Err(error) => self.refuse(
+                key,
+                format!("`{key}`: {error}"),
+                "neighbouring points must differ",
+            ),
         }
     }
 
@@ -639,6 +742,13 @@ impl Resolver<'_> {
                 );
             }
         };
+        if section.tangent_per_chord.is_some() && name.to_ascii_lowercase().ends_with(".json") {
+            return self.refuse(
+                "path.tangent_per_chord",
+                format!("`path.tangent_per_chord` has no effect on `{name}`: a plan carries its own curves"),
+                "remove it; it is for way points and centre lines",
+            );
+        }
         match path_file::parse(name, &bytes, section.tangent_per_chord.unwrap_or(1.0)) {
             Ok(curves) => {
                 self.files.push((name.to_owned(), bytes));
@@ -695,10 +805,11 @@ impl Resolver<'_> {
         }
         let mut changes: Vec<ScheduledModeChange> = Vec::new();
         for (index, change) in section.mode_change.iter().enumerate() {
-            if self.scenario.plant.model == PlantModel::TwoLink {
+            let model = self.scenario.plant.model;
+            if model != PlantModel::Bike3d {
                 return self.refuse(
                     &format!("bike.mode_change.{index}"),
-                    "`plant.model` = \"two_link\" balances in one mode and knows no mode change",
+                    format!("`plant.model` = \"{}\" knows no mode change", model.name()),
                     "remove [[bike.mode_change]], or choose plant.model = \"bike3d\"",
                 );
             }
@@ -752,6 +863,17 @@ impl Resolver<'_> {
                 "plant.bike",
                 format!("[plant.bike]: {error}"),
                 "see docs/frames.md for the meaning of the lengths",
+            );
+        }
+        let steer = self.scenario.start.steer_deg;
+        if steer.abs() > true_bike.steer_max_deg {
+            return self.refuse(
+                "start.steer_deg",
+                format!(
+                    "`start.steer_deg` is {steer}, beyond the steering's stop at {} degrees",
+                    true_bike.steer_max_deg
+                ),
+                "choose an angle within the stops, or set bike.steer_max_deg",
             );
         }
         Ok((true_bike, changes))

@@ -2,9 +2,35 @@
 
 use crate::scenario::PlantModel;
 use bikebot_dynamics::{
-    Bike, BikeAcceleration, BikeInput, BikeParams, BikeState, ContactForces, Integrator, Kinematic,
-    KinematicInput, KinematicState, Rk4, TwoLink, TwoLinkInput, TwoLinkState,
+    BalancerMode, Bike, BikeAcceleration, BikeInput, BikeParams, BikeState, ContactForces,
+    Integrator, Kinematic, KinematicInput, KinematicState, Offset, Rk4, TwoLink, TwoLinkInput,
+    TwoLinkState,
 };
+
+/// Where the true balancer is when the controller, which believes in other offsets, has it shifted to
+/// `commanded`: the shift motor runs between the true ends.
+#[must_use]
+pub fn true_offset(
+    believed: &BikeParams,
+    truth: &BikeParams,
+    mode: BalancerMode,
+    commanded: Offset,
+) -> Offset {
+    let ends = |bike: &BikeParams| (bike.flywheel_offset, bike.balancer_offset);
+    if ends(believed) == ends(truth) {
+        return commanded;
+    }
+    let span = |bike: &BikeParams| bike.balancer_offset - bike.flywheel_offset;
+    if span(believed) == 0.0 {
+        return Offset::fixed(truth.offset(mode));
+    }
+    let stretch = span(truth) / span(believed);
+    Offset {
+        d: truth.flywheel_offset + stretch * (commanded.d - believed.flywheel_offset),
+        rate: stretch * commanded.rate,
+        acceleration: stretch * commanded.acceleration,
+    }
+}
 
 /// The true bike.
 ///

@@ -163,3 +163,23 @@ fn no_metric_of_a_ride_that_lifts_a_wheel_is_infinite() {
             .is_some_and(|load| load < 0.0)
     );
 }
+
+#[test]
+fn mode_changes_follow_each_other_however_long_the_first_has_to_wait() {
+    // The first change waits for the straight; the second is due before it has ended.
+    let report = assert_arrives(&[
+        "bike.mode_change=[{time_s=2.0,mode=\"balancer\",duration_s=1.5},{time_s=3.6,mode=\"flywheel\",duration_s=1.5}]",
+    ]);
+    assert!(report.metrics.roll_max_deg.is_some_and(|roll| roll < 10.0));
+}
+
+#[test]
+fn a_flywheel_that_is_out_of_balance_is_felt() {
+    let nominal = assert_arrives(&[]).metrics;
+    // 5 mm of 12 kg: at rest 0.6 N m.
+    let unbalanced = assert_arrives(&["plant.bike.d_flywheel_m=0.005"]).metrics;
+    assert_ne!(
+        nominal.balancer_torque_rms_nm,
+        unbalanced.balancer_torque_rms_nm
+    );
+}

@@ -210,6 +210,20 @@ impl ScenarioFile {
         &self.overridden
     }
 
+    /// Whether the file or an override says anything about this dotted key.
+    #[must_use]
+    pub fn is_written(&self, key: &str) -> bool {
+        let mut parts = key.split('.');
+        let first = parts.next().and_then(|part| self.written.get(part));
+        parts
+            .try_fold(first, |value, part| match value {
+                Some(toml::Value::Table(table)) => Some(table.get(part)),
+                _ => None,
+            })
+            .flatten()
+            .is_some()
+    }
+
     /// Every value of the resolved scenario with its origin, in the order of the file format.
     #[must_use]
     pub fn explain(&self) -> Vec<Explained> {

@@ -94,7 +94,8 @@ pub struct MapSection {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1000.0))]
     pub meters_per_cell: Option<f64>,
-    /// Stretches the map to bike scale, factor.
+    /// Stretches the map to bike scale, factor: the file where there is one (shapes beside it are in metres
+    /// of the stretched map), else the shapes and their field.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1000.0))]
     pub scale: Option<f64>,
@@ -255,8 +256,8 @@ pub struct ModeChange {
     pub time_s: f64,
     /// The mode to change to.
     pub mode: BalancerMode,
-    /// How long the shift takes, s.
-    #[schemars(range(min = 0.5, max = 60.0))]
+    /// How long the shift takes, s. Below a second the shift motor shakes the balance.
+    #[schemars(range(min = 1.0, max = 60.0))]
     pub duration_s: f64,
 }
 
