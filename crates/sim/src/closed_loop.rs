@@ -141,6 +141,14 @@ pub fn run(
         }
     };
     let planned = now();
+    let said = what_is_ridden(setup, plan.as_ref(), path.as_ref());
+    recorder.record(
+        SimTime::ZERO,
+        &Event::Log {
+            level: LogLevel::Info,
+            text: &said,
+        },
+    )?;
     picture::plan(setup, plan.as_ref(), path.as_ref(), recorder)?;
     if let Some(text) = path.as_ref().and_then(|path| too_tight(setup, path)) {
         recorder.record(
@@ -244,6 +252,27 @@ fn ridden_path(report: &PlanReport) -> Option<CurvePath> {
     match (&report.outcome, &report.path) {
         (Outcome::Found, Some(PlannedPath::Curves(path))) => Some(path.clone()),
         _ => None,
+    }
+}
+
+/// The first line of a recording's log.
+fn what_is_ridden(setup: &Setup, report: Option<&PlanReport>, path: Option<&CurvePath>) -> String {
+    let name = &setup.name;
+    match (report, path) {
+        (Some(report), Some(path)) => format!(
+            "{name}: planned {:.2} m by {} in {} iterations, curvature up to {:.3} per metre",
+            path.length(),
+            report.method.name(),
+            report.iterations,
+            path.max_curvature()
+        ),
+        (Some(report), None) => format!(
+            "{name}: {} found no path in {} iterations",
+            report.method.name(),
+            report.iterations
+        ),
+        (None, Some(path)) => format!("{name}: a given path of {:.2} m", path.length()),
+        (None, None) => format!("{name}: standing and balancing"),
     }
 }
 

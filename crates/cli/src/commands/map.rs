@@ -140,6 +140,11 @@ fn describe(file: &str, loaded: &LoadedMap) -> InfoJson {
     }
 }
 
+/// A coordinate for people: to the millimetre (or a thousandth of a degree), without idle digits.
+fn thousandths(value: f64) -> f64 {
+    (value * 1000.0).round() / 1000.0
+}
+
 fn sheet(info: &InfoJson, obstacles: &[Obstacle]) -> String {
     let mut sheet = Sheet::new(&info.file, &info.kind);
     let [x0, y0, x1, y1] = info.bounds_m;
@@ -147,7 +152,13 @@ fn sheet(info: &InfoJson, obstacles: &[Obstacle]) -> String {
         "field",
         &[
             format!("{} × {} m", significant(x1 - x0), significant(y1 - y0)),
-            format!("from ({x0}, {y0}) to ({x1}, {y1})"),
+            format!(
+                "from ({}, {}) to ({}, {})",
+                thousandths(x0),
+                thousandths(y0),
+                thousandths(x1),
+                thousandths(y1)
+            ),
         ],
     );
     if let Some(grid) = &info.grid {
@@ -161,8 +172,8 @@ fn sheet(info: &InfoJson, obstacles: &[Obstacle]) -> String {
                     grid.height,
                     significant(grid.resolution_m)
                 ),
-                format!("origin ({x}, {y})"),
-                format!("turned by {yaw}°"),
+                format!("origin ({}, {})", thousandths(x), thousandths(y)),
+                format!("turned by {}°", thousandths(yaw)),
             ],
         );
         let all = (grid.width * grid.height).max(1) as f64;
