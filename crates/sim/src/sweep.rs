@@ -94,7 +94,8 @@ pub struct Case {
     pub seed: u64,
 }
 
-/// All combinations: the first key varies slowest, the seed fastest.
+/// All combinations: the first key varies slowest, the seed fastest. Never more than one beyond
+/// [`MAX_CASES`], which is enough for [`sweep`] to refuse them.
 #[must_use]
 pub fn cases(varies: &[Vary], seeds: &[u64]) -> Vec<Case> {
     let mut combinations: Vec<Vec<Override>> = vec![Vec::new()];
@@ -108,11 +109,13 @@ pub fn cases(varies: &[Vary], seeds: &[u64]) -> Vec<Case> {
                     next
                 })
             })
+            .take(MAX_CASES + 1)
             .collect();
     }
     combinations
         .into_iter()
         .flat_map(|varied| seeds.iter().map(move |seed| (varied.clone(), *seed)))
+        .take(MAX_CASES + 1)
         .enumerate()
         .map(|(index, (varied, seed))| Case {
             index,
@@ -227,7 +230,7 @@ pub enum SweepError {
     #[error(transparent)]
     Setup(#[from] SetupError),
     /// More cases than [`MAX_CASES`].
-    #[error("the sweep has {0} cases; at most {MAX_CASES} are run")]
+    #[error("the sweep has {0} cases or more; at most {MAX_CASES} are run")]
     TooManyCases(usize),
     /// The threads could not be started.
     #[error("cannot start the threads: {0}")]
@@ -258,17 +261,28 @@ pub fn sweep(
     if cases.len() > MAX_CASES {
         return Err(SweepError::TooManyCases(cases.len()));
     }
-    let files: Vec<ScenarioFile> = cases
-        .iter()
-        .map(|case| {
-            let mut all = overrides.to_vec();
-            all.extend(case.varied.iter().cloned());
-            all.push(Override::new("run.seed", case.seed));
-            ScenarioFile::parse(text, &all)
-        })
-        .collect::<Result<_, _>>()?;
-    if let Some(first) = files.first() {
-        Setup::resolve(first, &mut |name| read(name))?;
+    if let Some(case) = cases.first()
+        && case.varied.iter().any(|change| change.key == "run.seed")
+    {
+        return Err(ScenarioError::plain(
+            "`run.seed` is varied, but every case has its own seed already",
+            "leave it out: the number of runs and the first seed say which seeds are run",
+        )
+        .into());
+    }
+    // Parsed once to find a bad value at once, and again when its turn comes: a million parsed
+    // scenarios would fill the memory.
+    let parse = |case: &Case| {
+        let mut all = overrides.to_vec();
+        all.extend(case.varied.iter().cloned());
+        all.push(Override::new("run.seed", case.seed));
+        ScenarioFile::parse(text, &all)
+    };
+    for (index, case) in cases.iter().enumerate() {
+        let file = parse(case)?;
+        if index == 0 {
+            Setup::resolve(&file, &mut |name| read(name))?;
+        }
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(jobs)
@@ -279,20 +293,19 @@ pub fn sweep(
     pool.in_place_scope(|scope| {
         let (send, receive) = mpsc::channel::<(usize, Option<Row>)>();
         let queue = std::sync::Arc::new(std::sync::atomic::AtomicUsize::new(0));
-        let shared = std::sync::Arc::new((cases, files));
+        let shared = std::sync::Arc::new(cases);
         for _ in 0..pool.current_num_threads() {
             let (send, queue, shared) = (send.clone(), queue.clone(), shared.clone());
             scope.spawn(move |_| {
-                let (cases, files) = &*shared;
                 loop {
                     let index = queue.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-                    let (Some(case), Some(file)) = (cases.get(index), files.get(index)) else {
+                    let Some(case) = shared.get(index) else {
                         break;
                     };
                     // A closed channel means nobody waits for rows any more.
                     if stop()
                         || send
-                            .send((index, run_case(case, file, read, stop)))
+                            .send((index, run_case(case, parse, read, stop)))
                             .is_err()
                     {
                         break;
@@ -318,11 +331,13 @@ pub fn sweep(
 /// One row; `None` where `stop` cut the run short.
 fn run_case(
     case: &Case,
-    file: &ScenarioFile,
+    parse: impl Fn(&Case) -> Result<ScenarioFile, ScenarioError>,
     read: SharedRead<'_>,
     stop: &(dyn Fn() -> bool + Sync),
 ) -> Option<Row> {
-    let result = Setup::resolve(file, &mut |name| read(name))
+    let result = parse(case)
+        .map_err(SetupError::from)
+        .and_then(|file| Setup::resolve(&file, &mut |name| read(name)))
         .map_err(|error| error.to_string())
         .and_then(|setup| {
             let control = RunControl {
@@ -391,6 +406,59 @@ mod tests {
             shown,
             ["137", "138", "147", "148", "237", "238", "247", "248"]
         );
+    }
+
+    #[test]
+    fn more_combinations_than_can_be_run_are_not_laid_out() {
+        let vary: Vary = "a=0:1:1000000".parse().expect("a range");
+        assert_eq!(cases(&[vary], &[1, 2]).len(), MAX_CASES + 1);
+    }
+
+    #[test]
+    fn the_seed_is_not_varied_twice() {
+        let vary: Vary = "run.seed=[1, 2]".parse().expect("a list");
+        let text = "format = 1\nname = \"stand\"\n[plant]\nmodel = \"two_link\"\n";
+        let refused = sweep(
+            text,
+            &[],
+            cases(&[vary], &[7]),
+            &|_| Err(String::new()),
+            1,
+            &|| false,
+            &mut |_| {},
+        );
+        assert!(
+            matches!(refused, Err(SweepError::Scenario(_))),
+            "{refused:?}"
+        );
+    }
+
+    #[test]
+    fn rows_do_not_depend_on_the_number_of_threads() {
+        let vary: Vary = "start.roll_deg=1:3:3".parse().expect("a range");
+        let text = "format = 1\nname = \"stand\"\n[plant]\nmodel = \"two_link\"\n[noise]\nroll_sigma_deg = 0.1\n[run]\nduration_s = 1.0\n";
+        let table = |jobs: usize| {
+            let mut lines = Vec::new();
+            let rows = sweep(
+                text,
+                &[],
+                cases(std::slice::from_ref(&vary), &[1, 2, 3]),
+                &|_| Err(String::new()),
+                jobs,
+                &|| false,
+                &mut |row| lines.push(row.csv_line()),
+            );
+            assert_eq!(rows.ok(), Some(9));
+            lines
+        };
+        let one = table(1);
+        assert_eq!(one, table(4));
+        // Every case is a run of its own: no two rows have the same hash.
+        let hashes: std::collections::BTreeSet<_> = one
+            .iter()
+            .filter_map(|line| line.rsplit(',').nth(1))
+            .collect();
+        assert_eq!(hashes.len(), 9);
     }
 
     #[test]

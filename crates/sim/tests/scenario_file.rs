@@ -262,3 +262,75 @@ fn an_oversized_scenario_is_refused_before_it_is_read() {
     let error = refuse(&text, &[]);
     assert!(error.message.contains("bytes"), "{}", error.message);
 }
+
+#[test]
+fn a_number_that_is_hardly_more_than_nothing_is_refused() {
+    let error = refuse(RIDE, &["bike.friction=5e-324"]);
+    assert_eq!(
+        error.message,
+        "`bike.friction` is 5e-324, too small to count"
+    );
+    assert_eq!(
+        error.help.as_deref(),
+        Some("it takes a number above 0 and at most 5")
+    );
+}
+
+#[test]
+fn the_text_a_recording_carries_means_what_was_ridden() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+    let mut seen = 0;
+    for folder in [folder.clone(), folder.join("planning")] {
+        for entry in std::fs::read_dir(folder).expect("the scenarios") {
+            let path = entry.expect("an entry").path();
+            if path.extension().is_none_or(|ending| ending != "toml") {
+                continue;
+            }
+            seen += 1;
+            let text = std::fs::read_to_string(&path).expect("a scenario");
+            let changes = [
+                "run.seed=9",
+                "bike.preset=low_pivot",
+                "plant.bike.m1_kg=40",
+                "start.roll_deg=1",
+            ]
+            .map(|change| change.parse::<Override>().expect("key=value"));
+            for changes in [&changes[..], &[]] {
+                let ridden = ScenarioFile::parse(&text, changes).expect("a scenario");
+                let carried = ScenarioFile::parse(&ridden.text_after_overrides(), &[])
+                    .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+                assert_eq!(carried.scenario, ridden.scenario, "{}", path.display());
+            }
+        }
+    }
+    assert!(seen >= 13, "{seen}");
+}
+
+#[test]
+fn presets_stand_behind_what_is_written_and_before_defaults() {
+    let text = "format = 1\nname = \"a\"\n[bike]\npreset = \"low_pivot\"\nm1_kg = 40.0\n[plant.bike]\nh1_m = 0.7\n";
+    let change = ["bike.l_m=0.5".parse().expect("key=value")];
+    let file = ScenarioFile::parse(text, &change).expect("valid");
+    let bike = &file.scenario.bike.params;
+    let low = bikebot_dynamics::BikeParams::low_pivot();
+    assert_eq!(
+        (bike.m1, bike.l, bike.h1, bike.i2x),
+        (40.0, 0.5, low.h1, low.i2x)
+    );
+    let origin = |key: &str| {
+        let rows = file.explain();
+        let row = rows.into_iter().find(|row| row.key == key);
+        row.unwrap_or_else(|| panic!("{key} is not explained"))
+            .origin
+    };
+    assert_eq!(origin("bike.m1_kg"), Origin::Line(5));
+    assert_eq!(origin("bike.l_m"), Origin::Override);
+    assert_eq!(origin("bike.h1_m"), Origin::Preset("low_pivot".into()));
+    assert_eq!(origin("bike.mode"), Origin::Default);
+    assert_eq!(origin("plant.bike.h1_m"), Origin::Line(7));
+    // A preset chosen on the command line is no line of the file, and its values are the preset's.
+    let change = ["bike.preset=default".parse().expect("key=value")];
+    let file = ScenarioFile::parse(text, &change).expect("valid");
+    assert_eq!(file.scenario.bike.params.h1, 0.52);
+    assert_eq!(file.scenario.bike.params.m1, 40.0);
+}

@@ -30,6 +30,10 @@ pub(super) fn check(schema: &Json, value: &Toml) -> Option<Violation> {
     walker.value(schema, value).err()
 }
 
+/// A number that has to be more than its limit exceeds it by this at least: nothing that has a mass weighs a
+/// microgram, and numbers near the smallest there are divide into infinities.
+const POSITIVE: f64 = 1e-9;
+
 struct Walker<'a> {
     root: &'a Json,
     path: Vec<String>,
@@ -190,7 +194,7 @@ impl<'a> Walker<'a> {
         let inside = number.is_finite()
             && min.is_none_or(|limit| number >= limit)
             && max.is_none_or(|limit| number <= limit)
-            && above.is_none_or(|limit| number > limit)
+            && above.is_none_or(|limit| number >= limit + POSITIVE)
             && below.is_none_or(|limit| number < limit);
         if inside {
             return Ok(());
@@ -221,7 +225,9 @@ impl<'a> Walker<'a> {
                 }
             }
         };
-        let problem = if number.is_finite() {
+        let problem = if above.is_some_and(|limit| number > limit && number < limit + POSITIVE) {
+            "too small to count"
+        } else if number.is_finite() {
             "out of range"
         } else {
             "not a finite number"
