@@ -30,7 +30,7 @@ fn call(folder: &Path, line: &str) -> (Option<i32>, String) {
 /// Starts a run that does not end, and waits until some of it is on the disk.
 fn start(folder: &Path) -> Child {
     fs::write(folder.join("endless.toml"), ENDLESS).unwrap();
-    let child = bikebot(folder, "run endless.toml -o ride.mcap --json")
+    let mut child = bikebot(folder, "run endless.toml -o ride.mcap --json")
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -42,6 +42,8 @@ fn start(folder: &Path) -> Child {
         }
         std::thread::sleep(Duration::from_millis(50));
     }
+    child.kill().unwrap();
+    child.wait().unwrap();
     panic!("nothing was recorded within half a minute");
 }
 

@@ -117,7 +117,7 @@ pub fn run(args: &PlanArgs, terminal: &Terminal) -> Ending {
         prepare: began.elapsed().as_secs_f64(),
     };
     match output {
-        Some(output) => question.into_file(output, &loaded, terminal),
+        Some(output) => question.write_to(output, &loaded, terminal),
         None => question.told(&loaded, terminal),
     }
 }
@@ -163,7 +163,7 @@ impl Question<'_> {
     }
 
     /// One plan, to a file and to the terminal.
-    fn into_file(&self, output: Output, loaded: &Loaded, terminal: &Terminal) -> Ending {
+    fn write_to(&self, output: Output, loaded: &Loaded, terminal: &Terminal) -> Ending {
         let planned = match self.plan(self.setup.seed) {
             Ok(planned) => planned,
             Err(error) => {
