@@ -203,6 +203,11 @@ impl Loaded {
         given: Vec<Given>,
         is_bare_map: bool,
     ) -> Result<Self, Failure> {
+        tracing::debug!(
+            "scenario {name}, {} bytes, {} changes",
+            text.len(),
+            given.len()
+        );
         let changes: Vec<Override> = given.iter().map(|given| given.change.clone()).collect();
         match ScenarioFile::parse(&text, &changes) {
             Ok(file) => Ok(Self {
@@ -285,6 +290,7 @@ impl Loaded {
 
     /// Reads a file by the name it has in the scenario.
     pub fn read_file(&self, inner: &str) -> Result<Vec<u8>, String> {
+        tracing::info!("reading {}", self.shown(inner));
         match &self.files {
             Files::Beside(folder) => read_inner(&folder.join(inner)),
             Files::Attached(files) => files

@@ -62,6 +62,17 @@ pub fn significant(number: f64) -> String {
     format!("{number:.digits$}")
 }
 
+/// A coordinate or an angle: to a tenth of a millimetre, without what arithmetic added.
+pub fn coordinate(number: f64) -> String {
+    let text = format!("{number:.4}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" {
+        "0".into()
+    } else {
+        text.into()
+    }
+}
+
 /// Lines of `label   text`, wrapped at [`WIDTH`] with the text's column kept.
 #[derive(Debug, Default)]
 pub struct Sheet {
@@ -266,6 +277,19 @@ mod tests {
         ];
         for (number, text) in cases {
             assert_eq!(significant(number), text);
+        }
+    }
+
+    #[test]
+    fn coordinates_are_short() {
+        let cases = [
+            (23.060000000000002, "23.06"),
+            (-0.00001, "0"),
+            (-7.14, "-7.14"),
+            (10.0, "10"),
+        ];
+        for (number, text) in cases {
+            assert_eq!(coordinate(number), text);
         }
     }
 

@@ -445,6 +445,8 @@ fn explain_tells_every_value_and_where_it_comes_from() {
     let set: Vec<&str> = explained
         .lines()
         .filter_map(|line| line.split_once("  #"))
+        // Asked for, a laser wants a map to look at; by default it does without.
+        .filter(|(pair, _)| !pair.starts_with("laser.enabled"))
         .flat_map(|(pair, _)| ["--set", pair.trim()])
         .collect();
     let again = bikebot(folder.path())
@@ -679,4 +681,52 @@ fn quiet_says_nothing_on_standard_error() {
         assert_eq!(output.status.code(), Some(0), "{line}: {}", err(&output));
         assert_eq!(err(&output), "", "{line}");
     }
+}
+
+#[test]
+fn a_bad_seed_of_the_environment_is_told_as_such() {
+    let output = bikebot(Path::new("."))
+        .env("BIKEBOT_SEED", "many")
+        .args(["check", "x.toml"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(err(&output).contains("BIKEBOT_SEED"), "{}", err(&output));
+}
+
+#[test]
+fn more_is_logged_on_demand() {
+    let folder = folder();
+    fs::write(
+        folder.path().join("ride.toml"),
+        "format = 1\nname = \"ride\"\nmap.file = \"yard.json\"\n",
+    )
+    .unwrap();
+    assert_eq!(err(&call(folder.path(), "check ride.toml")), "");
+    assert!(err(&call(folder.path(), "check ride.toml -v")).contains("reading yard.json"));
+    let output = bikebot(folder.path())
+        .env("BIKEBOT_LOG", "info")
+        .args(["check", "ride.toml"])
+        .output()
+        .unwrap();
+    assert!(err(&output).contains("reading yard.json"));
+}
+
+#[cfg(unix)]
+#[test]
+fn names_that_are_not_utf_8_are_names_too() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    let folder = folder();
+    let name = OsStr::from_bytes(b"ride\xff.toml");
+    fs::copy(folder.path().join("short.toml"), folder.path().join(name)).unwrap();
+    let output = bikebot(folder.path())
+        .arg("run")
+        .arg(name)
+        .arg("-o")
+        .arg(OsStr::from_bytes(b"\xfe.mcap"))
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    assert!(folder.path().join(OsStr::from_bytes(b"\xfe.mcap")).exists());
 }

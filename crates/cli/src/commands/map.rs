@@ -11,7 +11,7 @@ use crate::args::positive;
 use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input;
-use crate::render::{self, Sheet, significant};
+use crate::render::{self, Sheet, coordinate as at, significant};
 use crate::terminal::Terminal;
 
 /// Tell what is in a map file
@@ -209,7 +209,7 @@ fn sheet(info: &InfoJson, obstacles: &[Obstacle]) -> String {
     sheet.line("obstacles", &shapes);
     for (label, end) in [("start", &info.start), ("goal", &info.goal)] {
         match end.as_deref() {
-            Some([x, y]) => sheet.say(label, format!("({x}, {y}) m, any heading")),
+            Some([x, y]) => sheet.say(label, format!("({}, {}) m, any heading", at(*x), at(*y))),
             Some([x, y, heading]) => {
                 sheet.say(
                     label,

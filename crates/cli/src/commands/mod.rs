@@ -12,9 +12,10 @@ pub mod run;
 pub mod schema;
 pub mod sweep;
 
+use std::io::{self, Write};
 use std::process::ExitCode;
 
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ErrorKind};
 
 use crate::exit::Exit;
 
@@ -26,5 +27,14 @@ pub fn usage(error: &clap::Error) -> ExitCode {
     };
     // A closed pipe ends `bikebot --help | head -1`; there is nobody to tell.
     let _ = error.print();
+    let is_of_seed = error
+        .get(ContextKind::InvalidArg)
+        .is_some_and(|argument| argument.to_string().starts_with("--seed"));
+    if is_of_seed && !std::env::args().any(|word| word.starts_with("--seed")) {
+        let _ = writeln!(
+            io::stderr().lock(),
+            "\nThe value is that of the environment's BIKEBOT_SEED."
+        );
+    }
     exit.into()
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use bikebot_planner::{
-    Budget, Outcome, PlanError, PlanReport, PlanningProblem, Reason, plan_observed,
+    Budget, CutShort, Outcome, PlanError, PlanReport, PlanningProblem, Reason, plan_observed,
 };
 use bikebot_sim::{Override, Setup};
 use clap::Args;
@@ -93,6 +93,7 @@ pub fn run(args: &PlanArgs, terminal: &Terminal) -> Ending {
         ));
     }
     let loaded = load(args)?;
+    let began = Instant::now();
     let mut setup = loaded.setup(terminal)?;
     free_headings(args, &mut setup);
     let Some(problem) = setup.problem() else {
@@ -106,15 +107,17 @@ pub fn run(args: &PlanArgs, terminal: &Terminal) -> Ending {
         Some(path) => Some(Output::create(path, args.force.force)?),
         None => None,
     };
-    interrupt::install()?;
-    let began = Instant::now();
-    // The first question to the clearance field builds it.
+    // All that a second question on this map would find ready: the map read, its obstacles
+    // sorted, the clearance field laid out (its cells are filled where a search comes by).
     let _ = problem.world.clearance_lower_bound(problem.start.position);
+    let prepare = began.elapsed().as_secs_f64();
+    tracing::info!("map ready after {}", render::time(prepare));
+    interrupt::install()?;
     let question = Question {
         args,
         setup: &setup,
         problem: &problem,
-        prepare: began.elapsed().as_secs_f64(),
+        prepare,
     };
     match output {
         Some(output) => question.write_to(output, &loaded, terminal),
@@ -332,12 +335,15 @@ impl Question<'_> {
                     .map(|seconds| format!("map prepared in {}", render::time(seconds))),
             ],
         );
-        if let (Some(_), Some(length)) = (report.cut_short, json.length_m) {
-            let _ = length;
-            line(
-                "cut short",
-                vec![Some("a longer search might find a better path".into())],
-            );
+        if let Some(cut_short) = report.cut_short {
+            let by = match cut_short {
+                CutShort::Iterations => "by the iterations allowed",
+                CutShort::Deadline => "by the time limit",
+                CutShort::Cancelled => "by the user",
+            };
+            let again = format!("--iterations {} repeats it", report.iterations);
+            let again = Some(again).filter(|_| cut_short != CutShort::Iterations);
+            line("cut short", vec![Some(by.to_owned()), again]);
         }
         if let Some(path) = written {
             sheet.say("plan", render::path(path));

@@ -85,7 +85,7 @@ struct RunJson<'a> {
 
 /// Runs it.
 pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
-    let loaded = load(args)?;
+    let loaded = load(args, terminal)?;
     let setup = loaded.setup(terminal)?;
     if setup.path == PathSource::Planned {
         loaded.check_ends(&setup)?;
@@ -116,6 +116,7 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
             return Err(tell(&loaded, error));
         }
     };
+    tracing::info!("{} control ticks, {}", report.ticks, report.outcome);
     let Lenient { mut inner, failure } = recorder;
     let recorded = match failure {
         Some(failure) => Err(failure),
@@ -155,18 +156,19 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
     })
 }
 
-fn load(args: &RunArgs) -> Result<Loaded, Failure> {
+fn load(args: &RunArgs, terminal: &Terminal) -> Result<Loaded, Failure> {
     match (&args.scenario, &args.from) {
         (Some(path), _) => Loaded::read(path, &args.changes),
         (None, Some(path)) => {
             let run = log::read_run(&mut recording::open(path)?)
                 .map_err(|error| recording::tell(path, &error))?;
             if run.version != env!("CARGO_PKG_VERSION") {
-                tracing::warn!(
-                    "recorded by version {}, run again by {}: the result may differ",
+                terminal.warn(&Diagnostic::warning(format!(
+                    "{} was recorded by version {}, and this is {}: the result may differ",
+                    path.display(),
                     run.version,
                     env!("CARGO_PKG_VERSION")
-                );
+                )));
             }
             Loaded::recorded(path, run.scenario_text, run.files, &args.changes)
         }

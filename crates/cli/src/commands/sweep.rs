@@ -1,6 +1,7 @@
 //! `bikebot sweep`: one scenario, many values and seeds, one row each.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::PathBuf;
 
 use bikebot_sim::sweep::{self, Row, SweepError, Vary};
@@ -118,8 +119,9 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
     let output = open(&args.output, args.force)?;
     interrupt::install()?;
 
-    let mut table = sweep::csv_header(&varies);
-    table.push('\n');
+    // Row by row, so that a crash leaves what was done in the `.part` file.
+    let mut table = output.handle()?;
+    let mut written = writeln!(table, "{}", sweep::csv_header(&varies));
     let mut tally = Tally::default();
     let bar = terminal.progress(total as u64, "sweeping");
     let rows = sweep::sweep(
@@ -132,8 +134,9 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
         &mut |row| {
             bar.inc(1);
             tally.count(&row);
-            table.push_str(&row.csv_line());
-            table.push('\n');
+            if written.is_ok() {
+                written = writeln!(table, "{}", row.csv_line());
+            }
         },
     );
     bar.finish_and_clear();
@@ -144,7 +147,10 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
             return Err(tell(&loaded, error, &args.vary));
         }
     };
-    let path = output.write_all(table.as_bytes())?;
+    if let Err(error) = written {
+        return Err(Failure::file("write", output.path(), &error));
+    }
+    let path = output.finish()?;
     let interrupted = rows < total;
     if args.json {
         let json = SweepJson {
