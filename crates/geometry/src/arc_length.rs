@@ -58,10 +58,11 @@ impl ArcLength {
         self.table[i] + integrate(&self.curve, knot(i), t)
     }
 
-    /// T at arc length `s` (m); `s` is clamped to [0, L].
+    /// T at arc length `s` (m); `s` is clamped to [0, L], and NaN counts as 0.
     #[must_use]
     pub fn parameter_at(&self, s: f64) -> f64 {
-        if s <= 0.0 || self.length() <= 0.0 {
+        let is_ahead = s > 0.0 && self.length() > 0.0;
+        if !is_ahead {
             return 0.0;
         }
         if s >= self.length() {
@@ -147,6 +148,7 @@ mod tests {
         let table = ArcLength::new(&line);
         assert_eq!(table.parameter_at(-1.0), 0.0);
         assert_eq!(table.parameter_at(9.0), 1.0);
+        assert_eq!(table.parameter_at(f64::NAN), 0.0);
         assert_eq!(table.arc_length_at(-0.5), 0.0);
         assert_eq!(table.arc_length_at(1.5), table.length());
         let nothing = ArcLength::new(&FergusonCurve::straight(Point2::origin(), Point2::origin()));

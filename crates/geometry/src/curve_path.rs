@@ -7,6 +7,9 @@ use crate::{ArcLength, FergusonCurve, GeometryError, ParametricCurve, Point2, Po
 /// from shared nodes meet exactly; a micrometre allows for a file printed with few digits.
 const MAX_GAP: f64 = 1e-6;
 
+/// Most pieces one segment is sampled in, so that a step of nothing fills no memory.
+const MAX_PIECES: f64 = 10_000.0;
+
 /// A path of Ferguson–Coons segments, each starting where the one before ends.
 ///
 /// Positions are continuous. Headings and curvature may jump at the joints;
@@ -184,12 +187,14 @@ impl CurvePath {
     }
 
     /// Places along the whole path, at most `max_step` (m) apart, with every joint and both ends.
-    /// Each segment is divided evenly by arc length.
+    /// Each segment is divided evenly by arc length, into 10 000 pieces at most.
     #[must_use]
     pub fn sample(&self, max_step: f64) -> Vec<PathPoint> {
         let mut places = Vec::new();
         for (i, table) in self.tables.iter().enumerate() {
-            let pieces = (table.length() / max_step).ceil().max(1.0);
+            let pieces = (table.length() / max_step).ceil().clamp(1.0, MAX_PIECES);
+            // A step that is not a number asks for nothing between the joints.
+            let pieces = if pieces.is_nan() { 1.0 } else { pieces };
             for k in 0..pieces as usize {
                 let s = table.length() * k as f64 / pieces;
                 places.push(self.place(i, table.parameter_at(s), self.starts[i] + s));
@@ -322,6 +327,17 @@ mod tests {
             assert!(step > 0.0 && step <= 0.25 + 1e-12);
             assert!((pair[1].position - pair[0].position).norm() <= step + 1e-12);
         }
+    }
+
+    #[test]
+    fn a_step_of_nothing_is_no_endless_sampling() {
+        let path = path();
+        assert_eq!(path.sample(0.0).len(), 3 * 10_000 + 1);
+        assert_eq!(path.sample(1e-300).len(), 3 * 10_000 + 1);
+        for step in [f64::NAN, -1.0, f64::INFINITY] {
+            assert_eq!(path.sample(step).len(), 4);
+        }
+        assert_eq!(path.at(f64::NAN).position, Point2::origin());
     }
 
     #[test]

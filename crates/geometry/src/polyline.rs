@@ -97,7 +97,8 @@ impl Polyline {
         };
         let length = self.cumulative[i + 1] - self.cumulative[i];
         let t = ((s - self.cumulative[i]) / length).clamp(0.0, 1.0);
-        if t == 1.0 {
+        // A leg too short to lengthen the running sum has no inside: the ratio is 0/0 there.
+        if t == 1.0 || length == 0.0 {
             return self.vertices[i + 1];
         }
         self.vertices[i] + (self.vertices[i + 1] - self.vertices[i]) * t
@@ -140,7 +141,13 @@ impl Polyline {
         };
         for (i, pair) in self.vertices.windows(2).enumerate() {
             let d = pair[1] - pair[0];
-            let t = ((p - pair[0]).dot(&d) / d.norm_squared()).clamp(0.0, 1.0);
+            let squared = d.norm_squared();
+            // The square of a leg below 1e-162 m is zero, and either end of it will do.
+            let t = if squared > 0.0 {
+                ((p - pair[0]).dot(&d) / squared).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
             let foot = if t == 1.0 { pair[1] } else { pair[0] + d * t };
             let squared = (p - foot).norm_squared();
             if squared < best.distance {
@@ -184,6 +191,25 @@ mod tests {
         assert_eq!(p.point_at(5.0), Point2::new(3.0, 2.0));
         assert_eq!(p.point_at(-1.0), Point2::new(0.0, 0.0));
         assert_eq!(p.point_at(99.0), Point2::new(3.0, 4.0));
+    }
+
+    /// Found in review: 0/0 at the end of a line whose last leg drowns in the rounding of its length.
+    #[test]
+    fn a_leg_lost_in_the_rounding_of_the_length_is_no_hole() {
+        for tiny in [1e-17, 1e-170] {
+            let line = Polyline::new(vec![
+                Point2::new(0.0, 0.0),
+                Point2::new(1.0, 0.0),
+                Point2::new(1.0, tiny),
+            ])
+            .unwrap();
+            assert_eq!(line.point_at(line.length()), Point2::new(1.0, tiny));
+            let foot = line.project(Point2::new(1.5, 0.0));
+            assert_eq!((foot.s, foot.distance), (1.0, 0.5));
+        }
+        let dot = Polyline::new(vec![Point2::origin(), Point2::new(0.0, 1e-170)]).unwrap();
+        assert_eq!(dot.project(Point2::new(1.0, 0.0)).distance, 1.0);
+        assert!(dot.point_at(0.0).y <= 1e-170);
     }
 
     #[test]
