@@ -4,6 +4,9 @@
 /// arithmetic would leave too few digits for a centimetre.
 pub(crate) const MAX_COORDINATE: f64 = 1e9;
 
+/// Smallest extent (m) of a field: cells of the clearance grid must have a size.
+pub(crate) const MIN_EXTENT: f64 = 1e-12;
+
 /// Largest number of cells along one side of a grid.
 pub(crate) const MAX_GRID_SIDE: usize = 16_384;
 
@@ -18,7 +21,7 @@ pub(crate) const MAX_GRID_CELLS: usize = 64 * 1024 * 1024;
 pub enum WorldError {
     /// The field has no area, or one of its corners is not a usable number.
     #[error(
-        "field from ({min_x}, {min_y}) m to ({max_x}, {max_y}) m: each maximum must be above its minimum and within ±1e9 m"
+        "field from ({min_x}, {min_y}) m to ({max_x}, {max_y}) m: each maximum must be above its minimum, by at least 1e-12 m, and within ±1e9 m"
     )]
     Bounds {
         /// Least x, m.

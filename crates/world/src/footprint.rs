@@ -63,6 +63,48 @@ impl Footprint {
         }
     }
 
+    /// Checks that the numbers of a footprint put together by hand describe a shape: finite, at most
+    /// 1e6 m, no negative radius or width, the rear not ahead of the front.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong, and the numbers found. A footprint read from text has passed already.
+    pub fn check(&self) -> Result<(), FootprintError> {
+        let (numbers, is_shape) = match *self {
+            Self::Point => ([0.0; 3], true),
+            Self::Disc { radius } => ([radius, 0.0, 0.0], radius >= 0.0),
+            Self::Capsule {
+                rear,
+                front,
+                radius,
+            } => ([rear, front, radius], rear <= front && radius >= 0.0),
+            Self::Rectangle {
+                rear,
+                front,
+                half_width,
+            } => (
+                [rear, front, half_width],
+                rear <= front && half_width >= 0.0,
+            ),
+        };
+        let fail = |problem| {
+            Err(FootprintError {
+                found: format!("{self:?}"),
+                problem,
+            })
+        };
+        // Twice the limit of the text form, whose centre and half length add up. NaN is not below it.
+        if !numbers.iter().all(|v| v.abs() <= 2.0 * MAX_DIMENSION) {
+            return fail("each number must be finite and at most 2e6 m");
+        }
+        if !is_shape {
+            return fail(
+                "a radius or half width is 0 or above, and the rear is not ahead of the front",
+            );
+        }
+        Ok(())
+    }
+
     /// A footprint that contains every point within `by` (m) of this one.
     ///
     /// Exact for point, disc and capsule; a rectangle keeps its corners square, which adds
@@ -411,6 +453,41 @@ mod tests {
         // Discs centred on the ends of the axis would need √(0.3² + 0.3²) = 0.424 m.
         assert!(discs[0].radius < 0.40, "{}", discs[0].radius);
         assert!((discs[1].offset - 0.56).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_footprint_by_hand_must_be_a_shape() {
+        let capsule = |rear, front, radius| Footprint::Capsule {
+            rear,
+            front,
+            radius,
+        };
+        let rectangle = |rear, front, half_width| Footprint::Rectangle {
+            rear,
+            front,
+            half_width,
+        };
+        for shape in [
+            Footprint::bike(),
+            Footprint::Point,
+            capsule(0.0, 0.0, 0.0),
+            rectangle(-1.0, 2.0, 0.5),
+        ] {
+            assert_eq!(shape.check(), Ok(()));
+        }
+        for no_shape in [
+            Footprint::Disc { radius: f64::NAN },
+            Footprint::Disc { radius: -5.0 },
+            capsule(f64::NAN, 1.0, 0.3),
+            capsule(1.0, -1.0, 0.3),
+            capsule(0.0, 1.0, f64::INFINITY),
+            rectangle(0.4, -0.4, 0.3),
+            rectangle(-1.0, 1.0, -0.1),
+            rectangle(-1e300, 1.0, 0.3),
+        ] {
+            let error = no_shape.check().unwrap_err();
+            assert!(error.found.contains("radius") || error.found.contains("half_width"));
+        }
     }
 
     #[test]

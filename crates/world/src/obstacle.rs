@@ -2,7 +2,7 @@
 
 use bikebot_geometry::Point2;
 
-use crate::error::{MAX_COORDINATE, WorldError};
+use crate::error::{MAX_COORDINATE, MIN_EXTENT, WorldError};
 
 /// An axis-aligned rectangle: the field, or the extent of something.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,7 +76,7 @@ impl Bounds {
         let usable = [self.min.x, self.min.y, self.max.x, self.max.y]
             .iter()
             .all(|v| v.abs() <= MAX_COORDINATE);
-        if usable && self.width() > 0.0 && self.height() > 0.0 {
+        if usable && self.width() >= MIN_EXTENT && self.height() >= MIN_EXTENT {
             Ok(())
         } else {
             Err(WorldError::Bounds {

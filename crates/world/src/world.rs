@@ -67,9 +67,11 @@ impl World {
             None => bounds,
             Some(grid) => {
                 grid.check()?;
-                bounds
+                let common = bounds
                     .intersection(&grid.bounds())
-                    .ok_or(WorldError::Disjoint)?
+                    .ok_or(WorldError::Disjoint)?;
+                common.check()?;
+                common
             }
         };
         let normalised = obstacles

@@ -371,6 +371,23 @@ fn threads_asking_in_different_orders_get_the_same_bits() {
     });
 }
 
+/// Found in review: the cells of a field that underflows had no size, and their number no end.
+#[test]
+fn a_field_too_small_to_be_divided_is_refused() {
+    for extent in [5e-324, 1e-200, 1e-13] {
+        assert!(matches!(
+            World::new(Bounds::new(0.0, 0.0, extent, extent), Vec::new()),
+            Err(WorldError::Bounds { .. })
+        ));
+    }
+    for (width, height) in [(1e-12, 1e-12), (1e-12, 1e9), (1e9, 1e-3)] {
+        let world = World::new(Bounds::new(0.0, 0.0, width, height), Vec::new()).expect("valid");
+        let (columns, rows) = world.clearance_cells();
+        assert!(columns * rows <= 4 * 10_000);
+        assert!(world.clearance(p(width / 2.0, height / 2.0)) > 0.0);
+    }
+}
+
 #[test]
 fn an_empty_field_is_only_its_edge() {
     let world = World::new(Bounds::new(0.0, 0.0, 4.0, 2.0), Vec::new()).expect("valid");
