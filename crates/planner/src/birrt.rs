@@ -38,6 +38,8 @@ pub fn search(
     // `trees[0]` is rooted at the start. `active` is the one that grows towards samples.
     let mut trees = [PointTree::new(query.start), PointTree::new(query.goal)];
     let mut active = 0;
+    // Further steps of RRT-Connect. They are no samples, but with steps far too short for the field they would not end.
+    let mut extensions = 0;
     while next_sample(&mut result.samples, query.max_samples, meter) {
         let sample = query.sample(chance);
         let grown = extend(&mut trees[active], sample, query);
@@ -45,8 +47,13 @@ pub fn search(
             let target = trees[active].position(node);
             let other = &mut trees[1 - active];
             let mut growth = extend(other, target, query);
-            while connect && matches!(growth, Growth::Advanced(_)) && meter.step() {
+            while connect
+                && matches!(growth, Growth::Advanced(_))
+                && extensions < query.max_samples
+                && meter.step()
+            {
                 growth = extend(other, target, query);
+                extensions += 1;
             }
             if let Growth::Reached(meeting) = growth {
                 let ends = if active == 0 {

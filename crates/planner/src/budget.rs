@@ -131,6 +131,25 @@ impl<'a> Meter<'a> {
         true
     }
 
+    /// [`Meter::step`] for an iteration that is dear: the stop condition is asked before it, whatever the count. Sixteen of
+    /// them would overrun a short deadline.
+    #[must_use]
+    pub fn step_dearly(&mut self) -> bool {
+        let is_asked_anyway = self.iterations.is_multiple_of(Self::CHECK_EVERY);
+        if self.cut_short.is_none()
+            && !is_asked_anyway
+            && self
+                .budget
+                .iterations
+                .is_none_or(|limit| self.iterations < limit)
+            && let Some(reason) = self.budget.stop.and_then(|stop| stop())
+        {
+            self.cut_short = Some(reason.into());
+            return false;
+        }
+        self.step()
+    }
+
     /// Iterations begun so far, in all stages.
     #[must_use]
     pub fn iterations(&self) -> u64 {
@@ -172,6 +191,25 @@ mod tests {
             (48, Some(CutShort::Deadline))
         );
         assert_eq!(asked.load(Ordering::Relaxed), 4);
+    }
+
+    #[test]
+    fn before_a_dear_iteration_the_stop_condition_is_asked_once() {
+        let asked = AtomicU64::new(0);
+        let stop = || (asked.fetch_add(1, Ordering::Relaxed) == 20).then_some(StopReason::Deadline);
+        let mut meter = Meter::new(&Budget::until(&stop));
+        while meter.step_dearly() {}
+        assert_eq!(
+            (meter.iterations(), meter.cut_short()),
+            (20, Some(CutShort::Deadline))
+        );
+        assert_eq!(asked.load(Ordering::Relaxed), 21);
+        let mut meter = Meter::new(&Budget::of_iterations(5));
+        while meter.step_dearly() {}
+        assert_eq!(
+            (meter.iterations(), meter.cut_short()),
+            (5, Some(CutShort::Iterations))
+        );
     }
 
     #[test]

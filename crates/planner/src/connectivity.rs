@@ -1,9 +1,11 @@
 //! Proof that start and goal lie in different rooms, so that a search need not spin.
 //!
-//! The field is cut into square cells. A cell is blocked if nowhere in it the footprint has the clearance that every accepted
-//! motion has (the margin and half the resolution). The cells that are not blocked cover all that can be ridden, so if a
-//! flood over these (across sides and corners) from the start dries up before it meets the flood from the goal, no motion
-//! leads from one to the other. The converse does not hold: floods that meet prove nothing. Finer cells see thinner walls.
+//! The field is cut into square cells. A cell is blocked if nowhere in it the footprint has the margin and half the resolution
+//! to spare: the clearance at which a motion may be refused. The cells that are not blocked cover all that can be ridden with
+//! that much room, so if a flood over these (across sides and corners) from the start dries up before it meets the flood from
+//! the goal, no path keeps it from one to the other. The proof is up to the resolution δ, not beyond: a gap whose
+//! narrowest place has less than δ/2 to spare counts as closed, because one with nothing at all to spare, the seam of two walls that
+//! touch, could not be told from it. The converse does not hold: floods that meet prove nothing. Finer cells see thinner walls.
 //!
 //! Both floods advance in turn, so the cost is that of the smaller room.
 
@@ -16,6 +18,8 @@ use std::collections::VecDeque;
 const COARSEST: usize = 64;
 /// Refinements: the finest flood has 64 · 2⁴ = 1024 cells along the longer side, a megabyte of marks.
 const REFINEMENTS: u32 = 5;
+/// Most cells along the longer side that anyone may ask for: 16 MiB of marks.
+const FINEST: usize = 4096;
 /// Samples in vain before the coarsest flood; each finer one, four times dearer, waits until twice as many.
 const PATIENCE: u64 = 1024;
 /// Cells that count as one iteration of the budget, so that a deadline holds here too.
@@ -55,13 +59,13 @@ impl Doubt {
 enum Mark {
     Unseen,
     Blocked,
-    Reached(usize),
+    Reached(u8),
 }
 
 /// Whether a flood over cells, `cells` of them along the longer side of the field, proves that the inscribed disc of the
-/// checker's footprint cannot get from `start` to `goal`.
+/// checker's footprint cannot get from `start` to `goal` with its margin and half the resolution to spare.
 ///
-/// `false` proves nothing: the floods met, or the budget ran out.
+/// `false` proves nothing: the floods met, or the budget ran out. `cells` is at most 4096.
 #[must_use]
 pub fn are_separated(
     checker: &MotionChecker<'_>,
@@ -73,7 +77,7 @@ pub fn are_separated(
     let world = checker.world();
     let bounds = world.bounds();
     let extent = bounds.max - bounds.min;
-    let cell = extent.x.max(extent.y) / cells.max(1) as f64;
+    let cell = extent.x.max(extent.y) / cells.clamp(1, FINEST) as f64;
     if !(cell > 0.0 && cell.is_finite()) {
         return false;
     }
@@ -96,19 +100,19 @@ pub fn are_separated(
 
     let mut marks = vec![Mark::Unseen; columns * rows];
     let mut fronts = [VecDeque::new(), VecDeque::new()];
-    for (side, end) in [start, goal].into_iter().enumerate() {
+    for (side, end) in [(0u8, start), (1, goal)] {
         let (column, row) = locate(end);
         let mark = &mut marks[row * columns + column];
         if *mark != Mark::Unseen {
             return false;
         }
         *mark = Mark::Reached(side);
-        fronts[side].push_back((column, row));
+        fronts[usize::from(side)].push_back((column, row));
     }
     let mut visited = 0u32;
     loop {
-        for (side, front) in fronts.iter_mut().enumerate() {
-            if visited.is_multiple_of(CELLS_PER_ITERATION) && !meter.step() {
+        for (side, front) in (0u8..).zip(&mut fronts) {
+            if visited.is_multiple_of(CELLS_PER_ITERATION) && !meter.step_dearly() {
                 return false;
             }
             visited += 1;

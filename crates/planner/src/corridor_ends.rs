@@ -4,6 +4,7 @@
 //! first branch of the tree. At the goal each of its joints is a place to enter, from where the rest of the path and its
 //! cost are known.
 
+use crate::budget::Meter;
 use crate::connection::{Connection, Connector, DirectedPose};
 use crate::end_arcs::{self, EndArc, GuideEnd};
 use crate::motion::MotionChecker;
@@ -41,6 +42,7 @@ impl Ends {
         params: &PlannerParams,
         guide: &Polyline,
         connector: &Connector<'_>,
+        meter: &mut Meter<'_>,
     ) -> Self {
         let first_heading = guide.heading_at(0.0);
         let motion = connector.motion();
@@ -55,7 +57,7 @@ impl Ends {
             GoalMode::Pose => problem.goal.heading,
             GoalMode::Ball => None,
         };
-        let arc = |guide_end, pose: Pose2| {
+        let mut arc = |guide_end, pose: Pose2| {
             end_arcs::find(
                 guide,
                 guide_end,
@@ -63,6 +65,7 @@ impl Ends {
                 problem.max_curvature,
                 params.max_step(),
                 &|curve| connector.judge(*curve, f64::INFINITY).is_some(),
+                meter,
             )
         };
         let start_arc = problem

@@ -8,6 +8,7 @@
 //! Circles of the word have 1.02 times the smallest radius: the cubics that follow them are tighter than a circle by less
 //! than that.
 
+use crate::budget::Meter;
 use crate::connection::arc_speed;
 use bikebot_geometry::{FergusonCurve, Point2, Polyline, Pose2, Vector2, angle};
 use std::f64::consts::{PI, TAU};
@@ -21,6 +22,12 @@ const MAX_PIECE: f64 = PI / 6.0;
 
 /// Turns this close to a full circle are rounding of no turn at all, rad.
 const FULL_CIRCLE_TOLERANCE: f64 = 1e-9;
+
+/// Most pieces of one part of a word, where steps are far too short for it.
+const MOST_PIECES: f64 = 1000.0;
+
+/// Most places on a guide at which an arc may join, where turns are far too tight for it.
+const MOST_JOINTS: f64 = 10_000.0;
 
 /// A turn to the left or to the right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,14 +118,14 @@ impl DubinsWord {
     }
 
     /// Poses along the word, both ends included: the ends of its pieces, arcs cut to at most 30° and the straight to at most
-    /// `max_step` (m).
+    /// `max_step` (m), though into no more than a thousand pieces each.
     #[must_use]
     pub fn poses(&self, max_step: f64) -> Vec<Pose2> {
         let mut poses = vec![self.start];
         let mut at = self.start;
         for part in 0..3 {
             if part == 1 {
-                let pieces = (self.straight / max_step).ceil().max(1.0);
+                let pieces = (self.straight / max_step).ceil().clamp(1.0, MOST_PIECES);
                 let step = self.straight / pieces;
                 if self.straight <= 1e-9 * self.radius {
                     continue;
@@ -130,7 +137,7 @@ impl DubinsWord {
             } else {
                 let (turn, whole) = (self.turns[part / 2], self.angles[part / 2]);
                 let longest = MAX_PIECE.min(max_step / self.radius);
-                let pieces = (whole / longest).ceil();
+                let pieces = (whole / longest).ceil().min(MOST_PIECES);
                 for _ in 0..pieces as usize {
                     at = advance(&at, turn, whole / pieces, self.radius);
                     poses.push(at);
@@ -192,7 +199,8 @@ pub enum GuideEnd {
 ///
 /// Places are tried at growing distances from that end of the guide, in steps of a quarter of the turning radius; words
 /// that cost a detour of more than three radii and twice the replaced length are not considered. `is_admissible` judges each
-/// curve in the direction of travel. `None` if no place on the guide can be joined.
+/// curve in the direction of travel. `None` if no place on the guide can be joined, or `meter` runs out first: each place
+/// counts as an iteration.
 pub fn find(
     guide: &Polyline,
     end: GuideEnd,
@@ -200,12 +208,14 @@ pub fn find(
     max_curvature: f64,
     max_step: f64,
     is_admissible: &dyn Fn(&FergusonCurve) -> bool,
+    meter: &mut Meter<'_>,
 ) -> Option<EndArc> {
     let smallest = 1.0 / max_curvature;
     let radius = RADIUS_FACTOR * smallest;
     let length = guide.length();
+    let step = (0.25 * smallest).max(length / MOST_JOINTS);
     let mut distance: f64 = 0.5 * smallest;
-    while distance <= length {
+    while distance <= length && meter.step_dearly() {
         let joint = match end {
             GuideEnd::Start => distance,
             GuideEnd::Goal => length - distance,
@@ -231,7 +241,7 @@ pub fn find(
                 return Some(EndArc { curves, joint });
             }
         }
-        distance += 0.25 * smallest;
+        distance += step;
     }
     None
 }
@@ -281,6 +291,7 @@ pub fn bend_guide(guide: &Polyline, start: Option<&EndArc>, goal: Option<&EndArc
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::budget::Budget;
     use bikebot_geometry::ParametricCurve;
     use proptest::prelude::*;
 
@@ -353,6 +364,54 @@ mod tests {
         }
     }
 
+    fn meter() -> Meter<'static> {
+        Meter::new(&Budget::unlimited())
+    }
+
+    /// Found in review: with a turning radius of a micrometre (or of nothing) there were as many places as a guide has
+    /// micrometres, and no deadline among them.
+    #[test]
+    fn the_places_tried_are_bounded_and_count_against_the_budget() {
+        let pose = Pose2::new(0.0, 0.0, PI / 2.0);
+        for max_curvature in [1e6, 1e300] {
+            let mut meter = meter();
+            let refuse = |_: &FergusonCurve| false;
+            let arc = find(
+                &guide(),
+                GuideEnd::Start,
+                &pose,
+                max_curvature,
+                5.0,
+                &refuse,
+                &mut meter,
+            );
+            assert!(arc.is_none());
+            assert!(
+                (9_000..=10_001).contains(&meter.iterations()),
+                "{}",
+                meter.iterations()
+            );
+        }
+        let mut meter = Meter::new(&Budget::of_iterations(3));
+        let arc = find(
+            &guide(),
+            GuideEnd::Start,
+            &pose,
+            0.8,
+            5.0,
+            &|_| false,
+            &mut meter,
+        );
+        assert!(arc.is_none() && meter.iterations() == 3);
+    }
+
+    #[test]
+    fn a_step_of_nothing_cuts_a_word_into_bounded_pieces() {
+        let words =
+            DubinsWord::between(&Pose2::new(0.0, 0.0, 1.0), &Pose2::new(9.0, 0.0, 0.0), 1.0);
+        assert!(words[0].poses(1e-12).len() <= 3001);
+    }
+
     /// A guide that leaves to the right of a bike looking left, and arrives from below at one looking right.
     fn guide() -> Polyline {
         Polyline::new(vec![
@@ -366,7 +425,16 @@ mod tests {
     #[test]
     fn the_start_is_joined_to_the_guide_along_both_headings() {
         let pose = Pose2::new(0.0, 0.0, PI / 2.0);
-        let arc = find(&guide(), GuideEnd::Start, &pose, 0.8, 5.0, &|_| true).unwrap();
+        let arc = find(
+            &guide(),
+            GuideEnd::Start,
+            &pose,
+            0.8,
+            5.0,
+            &|_| true,
+            &mut meter(),
+        )
+        .unwrap();
         let (first, last) = (arc.curves[0], arc.curves[arc.curves.len() - 1]);
         assert_eq!(first.start_point(), pose.position);
         assert!((first.heading(0.0) - pose.heading).abs() < 1e-12);
@@ -377,7 +445,16 @@ mod tests {
     #[test]
     fn the_goal_is_joined_in_the_direction_of_travel() {
         let pose = Pose2::new(20.0, 20.0, 0.0);
-        let arc = find(&guide(), GuideEnd::Goal, &pose, 0.8, 5.0, &|_| true).unwrap();
+        let arc = find(
+            &guide(),
+            GuideEnd::Goal,
+            &pose,
+            0.8,
+            5.0,
+            &|_| true,
+            &mut meter(),
+        )
+        .unwrap();
         let (first, last) = (arc.curves[0], arc.curves[arc.curves.len() - 1]);
         assert!((first.start_point() - guide().point_at(arc.joint)).norm() < 1e-12);
         assert!((first.heading(0.0) - PI / 2.0).abs() < 1e-9);
@@ -388,9 +465,31 @@ mod tests {
     #[test]
     fn where_nothing_is_admissible_there_is_no_arc() {
         let pose = Pose2::new(0.0, 0.0, PI / 2.0);
-        assert!(find(&guide(), GuideEnd::Start, &pose, 0.8, 5.0, &|_| false).is_none());
+        assert!(
+            find(
+                &guide(),
+                GuideEnd::Start,
+                &pose,
+                0.8,
+                5.0,
+                &|_| false,
+                &mut meter()
+            )
+            .is_none()
+        );
         let point = Polyline::new(vec![Point2::origin()]).unwrap();
-        assert!(find(&point, GuideEnd::Start, &pose, 0.8, 5.0, &|_| true).is_none());
+        assert!(
+            find(
+                &point,
+                GuideEnd::Start,
+                &pose,
+                0.8,
+                5.0,
+                &|_| true,
+                &mut meter()
+            )
+            .is_none()
+        );
     }
 
     #[test]
@@ -398,8 +497,24 @@ mod tests {
         let start = Pose2::new(0.0, 0.0, PI / 2.0);
         let goal = Pose2::new(20.0, 20.0, 0.0);
         let guide = guide();
-        let first = find(&guide, GuideEnd::Start, &start, 0.8, 5.0, &|_| true);
-        let last = find(&guide, GuideEnd::Goal, &goal, 0.8, 5.0, &|_| true);
+        let first = find(
+            &guide,
+            GuideEnd::Start,
+            &start,
+            0.8,
+            5.0,
+            &|_| true,
+            &mut meter(),
+        );
+        let last = find(
+            &guide,
+            GuideEnd::Goal,
+            &goal,
+            0.8,
+            5.0,
+            &|_| true,
+            &mut meter(),
+        );
         let bent = bend_guide(&guide, first.as_ref(), last.as_ref());
         assert_eq!(bent.vertices()[0], start.position);
         assert_eq!(bent.vertices()[bent.vertices().len() - 1], goal.position);

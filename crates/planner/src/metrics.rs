@@ -19,6 +19,9 @@ use serde::{Deserialize, Serialize};
 /// Spacing at which paths of different kinds are compared, m.
 pub const FIXED_STEP: f64 = 0.5;
 
+/// Most pieces a path is resampled in: 500 km at the fixed step. Beyond, one figure would take longer than the plan.
+const MOST_PIECES: f64 = 1e6;
+
 /// Figures of one path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PathMetrics {
@@ -126,12 +129,13 @@ pub fn roughness_of_vertices(vertices: &[Point2]) -> f64 {
     over_square(bending, lengths.iter().sum())
 }
 
-/// Roughness of any path after resampling at about `step` (m): at the nearest step that divides its length.
+/// Roughness of any path after resampling at about `step` (m): at the nearest step that divides its length, in a million
+/// pieces at most.
 #[must_use]
 pub fn roughness_at(path: &PlannedPath, step: f64) -> f64 {
     let length = path.length();
-    let pieces = (length / step).round();
-    if !(1.0..=1e8).contains(&pieces) {
+    let pieces = (length / step).round().clamp(0.0, MOST_PIECES);
+    if pieces.is_nan() || pieces < 1.0 {
         return 0.0;
     }
     let points: Vec<_> = (0..=pieces as usize)
@@ -190,6 +194,17 @@ mod tests {
         let twice: Vec<_> = zigzag.iter().map(|p| p * 2.0).collect();
         let ratio = roughness_of_vertices(&zigzag) / roughness_of_vertices(&twice);
         assert!((ratio - 32.0).abs() < 1e-12, "{ratio}");
+    }
+
+    /// Found in review: 10⁸ points were made of a path of 50 000 km.
+    #[test]
+    fn a_path_of_thousands_of_kilometres_is_resampled_a_bounded_number_of_times() {
+        let corners = [(0.0, 0.0), (4e7, 0.0), (4e7, 1e7)].map(|(x, y)| Point2::new(x, y));
+        let line = PlannedPath::Polyline(Polyline::new(corners.to_vec()).unwrap());
+        // A right angle between steps of 50 m: J = 2 (π/2)² / 50³.
+        let expected = 2.0 * (std::f64::consts::FRAC_PI_2 / 50.0).powi(2) / 50.0 / 5e7_f64.powi(2);
+        assert!((roughness_at(&line, FIXED_STEP) / expected - 1.0).abs() < 1e-6);
+        assert_eq!(roughness_at(&line, f64::NAN), 0.0);
     }
 
     #[test]

@@ -410,7 +410,37 @@ impl PlannerParams {
             "clearance_resolution_scales",
             self.clearance_resolution_scales,
             true,
-        )
+        )?;
+        // Each factor may be fine and their product not: a step of nothing gets nowhere.
+        for (name, value, metres) in [
+            ("max_step_scales", self.max_step_scales, self.max_step()),
+            (
+                "corridor_half_width_scales",
+                self.corridor_half_width_scales,
+                self.corridor_half_width(),
+            ),
+            (
+                "clearance_resolution_scales",
+                self.clearance_resolution_scales,
+                self.clearance_resolution(),
+            ),
+        ] {
+            if !(1e-12..=1e12).contains(&metres) {
+                return Err(PlanError::InvalidParameter {
+                    name,
+                    value,
+                    expected: "a length between 1e-12 m and 1e12 m once multiplied by scale_m",
+                });
+            }
+        }
+        if self.near_limit == 0 {
+            return Err(PlanError::InvalidParameter {
+                name: "near_limit",
+                value: 0.0,
+                expected: "1 or above, or no node ever has a parent",
+            });
+        }
+        Ok(())
     }
 }
 
@@ -480,6 +510,30 @@ mod tests {
                 .parse::<Method>()
                 .unwrap_err()
                 .contains("birrt_smooth")
+        );
+    }
+
+    #[test]
+    fn lengths_that_vanish_or_overflow_once_scaled_are_refused() {
+        for scale in [1e-200, 1e200] {
+            let params = PlannerParams {
+                scale,
+                max_step_scales: scale,
+                ..PlannerParams::default()
+            };
+            let error = params.check().unwrap_err();
+            assert!(error.to_string().contains("max_step_scales"), "{error}");
+        }
+        let params = PlannerParams {
+            near_limit: 0,
+            ..PlannerParams::default()
+        };
+        assert!(
+            params
+                .check()
+                .unwrap_err()
+                .to_string()
+                .contains("near_limit")
         );
     }
 

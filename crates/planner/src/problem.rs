@@ -79,7 +79,7 @@ pub struct PlanningProblem<'w> {
 }
 
 impl PlanningProblem<'_> {
-    /// Checks that the question makes sense: finite numbers, ends on the map and `margin` (m) clear of obstacles.
+    /// Checks that the question makes sense: finite numbers, a footprint that is a shape, ends on the map and `margin` (m) clear of obstacles.
     ///
     /// An end with a heading is checked for the whole footprint; one without, for the largest disc about the
     /// reference point that the footprint contains, since any heading will do.
@@ -107,6 +107,8 @@ impl PlanningProblem<'_> {
                 expected: "a finite number, 0 or above",
             });
         }
+        // A radius below zero would grow every clearance, and one that is not a number hide in a maximum.
+        self.footprint.check()?;
         self.check_end(End::Start, &self.start, margin)?;
         self.check_end(End::Goal, &self.goal.end(), margin)
     }
@@ -216,6 +218,36 @@ mod tests {
                 ..
             })
         ));
+    }
+
+    #[test]
+    fn an_outline_that_is_no_shape_is_refused_whatever_the_ends_say() {
+        let world = room(10.0, vec![]);
+        for footprint in [
+            Footprint::Disc { radius: -1.0 },
+            Footprint::Disc { radius: f64::NAN },
+            // Without a heading only the inscribed disc is looked at, which a NaN does not reach.
+            Footprint::Capsule {
+                rear: f64::NAN,
+                front: 1.0,
+                radius: 0.3,
+            },
+            Footprint::Rectangle {
+                rear: 1.0,
+                front: -1.0,
+                half_width: 0.3,
+            },
+        ] {
+            let problem = PlanningProblem {
+                footprint,
+                start: EndPose::point(2.0, 2.0),
+                ..problem(&world)
+            };
+            assert!(matches!(
+                problem.check(0.0),
+                Err(PlanError::InvalidFootprint(_))
+            ));
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub enum Outcome {
     /// There is a path, and it is certified.
     Found,
-    /// It is proven that there is none.
+    /// It is proven that there is none that keeps the margin and half the clearance resolution.
     NoPath,
     /// The iterations are used up; there may be a path.
     Exhausted,
@@ -148,18 +148,20 @@ impl PlannedPath {
     /// Points along the path: at most `max_step` (m) apart on curves, the vertices of a polyline.
     ///
     /// At a vertex the heading is that of the leg that begins there, and the curvature is 0, as everywhere between vertices.
+    /// A path of one vertex, from a start that is an arrival already, has heading 0.
     #[must_use]
     pub fn sample(&self, max_step: f64) -> Vec<PathPoint> {
         match self {
             Self::Curves(curves) => curves.sample(max_step),
             Self::Polyline(line) => {
-                let last_leg = line.vertices().len().saturating_sub(2);
+                // A path from a start that is an arrival has a vertex and no leg.
+                let last_leg = line.segment_count().checked_sub(1);
                 line.vertices()
                     .iter()
                     .enumerate()
                     .map(|(i, &position)| PathPoint {
                         position,
-                        heading: line.segment_heading(i.min(last_leg)),
+                        heading: last_leg.map_or(0.0, |last| line.segment_heading(i.min(last))),
                         curvature: 0.0,
                         s: line.cumulative(i),
                     })
@@ -205,4 +207,29 @@ pub struct PlanReport {
     pub stages: Stages,
     /// How it went.
     pub trace: Vec<TraceEntry>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Found in review: asking for the samples of a path of no length panicked.
+    #[test]
+    fn a_path_of_one_vertex_has_one_sample() {
+        let only = Point2::new(2.0, 3.0);
+        let path = PlannedPath::Polyline(Polyline::new(vec![only]).unwrap());
+        let samples = path.sample(0.1);
+        assert_eq!(samples.len(), 1);
+        assert_eq!((samples[0].position, samples[0].heading), (only, 0.0));
+        assert!(path.segments().is_empty());
+    }
+
+    #[test]
+    fn a_vertex_has_the_heading_of_the_leg_ahead_and_the_last_that_of_the_leg_behind() {
+        let corner = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)].map(|(x, y)| Point2::new(x, y));
+        let path = PlannedPath::Polyline(Polyline::new(corner.to_vec()).unwrap());
+        let headings: Vec<f64> = path.sample(0.1).iter().map(|p| p.heading).collect();
+        let up = std::f64::consts::FRAC_PI_2;
+        assert_eq!(headings, [0.0, up, up]);
+    }
 }

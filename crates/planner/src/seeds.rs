@@ -5,6 +5,10 @@
 
 use bikebot_geometry::{Polyline, Pose2, angle};
 
+/// Most places along the whole guide that seeds are laid at. A step that asks for more is far too short for its field, and would
+/// fill the memory before the first sample.
+const MOST_PLACES: f64 = 20_000.0;
+
 /// Poses to try first, in the order of the guide: along its segments, and around the outside of its corners.
 ///
 /// Outside, because a short guide touches the obstacle at its corners, and a curve that rounds the corner inside would cut
@@ -14,6 +18,7 @@ pub fn along(guide: &Polyline, half_width: f64, max_step: f64, max_curvature: f6
     let mut seeds: Vec<(f64, Pose2)> = Vec::new();
     let radius = 1.0 / max_curvature;
     let segments = guide.segment_count();
+    let max_step = max_step.max(1.3 * guide.length() / MOST_PLACES);
     let beside = |s: f64, heading: f64, offset: f64| {
         let normal = Pose2::new(0.0, 0.0, heading).left_normal();
         guide.point_at(s) + normal * offset
@@ -96,6 +101,13 @@ mod tests {
                 .iter()
                 .all(|s| s.position.x > 12.0 && s.position.y < 0.0)
         );
+    }
+
+    /// Found in review: a nanometre step on a free line of 100 m asked for 10¹¹ poses.
+    #[test]
+    fn a_step_far_too_short_for_the_guide_fills_no_memory() {
+        let guide = Polyline::new(vec![Point2::origin(), Point2::new(100.0, 0.0)]).unwrap();
+        assert!(along(&guide, 2.0, 1e-9, 1.0).len() <= 5 * 20_000 + 5);
     }
 
     #[test]
