@@ -26,7 +26,7 @@ use crate::true_plant::{TruePlant, true_offset};
 use bikebot_dynamics::{
     Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Saturation, Sensors,
 };
-use bikebot_geometry::CurvePath;
+use bikebot_geometry::{CurvePath, Point2};
 use bikebot_planner::{Budget, EndPose, Outcome, PlanReport, PlannedPath};
 
 /// |roll| (rad) and |roll rate| (rad/s) below which a standing bike counts as recovered.
@@ -35,9 +35,10 @@ const RECOVERED: (f64, f64) = (0.5 * std::f64::consts::PI / 180.0, 0.05);
 const FOLLOWED_STEP: f64 = 0.05;
 /// How long the bike has to be at rest before the ride ends, s.
 const REST_TIME: f64 = 0.5;
-/// At rest: slower than this, m/s, upright within this, rad, and turning over at less than this, rad/s.
-/// A roll sensor with a bias, or a moment that the balancer cannot hold, is met by a lean of a few degrees.
-const REST_SPEED: f64 = 0.005;
+/// At rest: not farther than this from where it came to rest, m, nor faster than this, m/s (a noisy encoder
+/// makes the drive tremble), upright within this, rad, and turning over at less than this, rad/s. A roll sensor with a bias, or a moment that the balancer cannot hold, is met by a lean of a few degrees.
+const REST_DISTANCE: f64 = 0.003;
+const REST_SPEED: f64 = 0.02;
 const REST_ROLL: f64 = 5.0 * std::f64::consts::PI / 180.0;
 const REST_ROLL_RATE: f64 = 0.05;
 
@@ -332,7 +333,9 @@ struct Ride<'s> {
     passivity: PassivityMonitor,
     metrics: RideMetrics,
     distance: f64,
+    /// For how long the bike has been at rest, and where.
     resting: SimTime,
+    rest: Point2,
     edges: Edges,
 }
 
@@ -399,6 +402,7 @@ impl<'s> Ride<'s> {
             },
             distance: 0.0,
             resting: SimTime::ZERO,
+            rest: state.pose.position,
             edges: Edges::default(),
             setup,
             path,
@@ -746,9 +750,11 @@ impl<'s> Ride<'s> {
         let at_rest = output.holds
             && state.speed.abs() < REST_SPEED
             && state.roll.abs() < REST_ROLL
-            && state.roll_rate.abs() < REST_ROLL_RATE;
+            && state.roll_rate.abs() < REST_ROLL_RATE
+            && (state.pose.position - self.rest).norm() < REST_DISTANCE;
         if self.path.is_none() || !at_rest {
             self.resting = SimTime::ZERO;
+            self.rest = state.pose.position;
             return Ok(None);
         }
         self.resting = self.resting + self.setup.control;

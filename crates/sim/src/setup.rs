@@ -45,6 +45,8 @@ impl From<ScenarioError> for SetupError {
 
 /// Longest path a scenario may give, m.
 pub const MAX_PATH_LENGTH: f64 = FollowedPath::MAX_LENGTH;
+/// A start farther than this from the beginning of a given path is worth a word, m.
+const FAR_FROM_PATH: f64 = 1.0;
 /// Most control ticks a scenario may ask for: five times a day at 200 Hz.
 pub const MAX_TICKS: u64 = 100_000_000;
 
@@ -188,6 +190,14 @@ impl Resolver<'_> {
         let path = self.path()?;
         self.start_fits_the_plant()?;
         let (start, start_pose) = self.start(&field, &path)?;
+        if let PathSource::Given(path) = &path {
+            let away = (start.pose.position - path.start_pose().position).norm();
+            if away > FAR_FROM_PATH {
+                self.warnings.push(format!(
+                    "the bike starts {away:.1} m from the beginning of [path]"
+                ));
+            }
+        }
         let goal = self.goal(&field, &path)?;
         let (footprint, planning_footprint) = self.footprints()?;
         let (true_bike, mode_changes) = self.bike()?;
@@ -684,6 +694,11 @@ impl Resolver<'_> {
             "path.waypoints"
         };
         match CurvePath::new(curves) {
+            Ok(path) if path.length() < FollowedPath::MIN_LENGTH => self.refuse(
+                key,
+                format!("`{key}`: the path is {} m long", path.length()),
+                format!("a path to ride has at least {} m", FollowedPath::MIN_LENGTH),
+            ),
             Ok(path) if path.length() <= MAX_PATH_LENGTH => Ok(PathSource::Given(path)),
             Ok(path) => self.refuse(
                 key,

@@ -126,6 +126,11 @@ fn a_path_has_a_bounded_and_finite_length() {
     assert!(resolve(&from("small.csv"), &[]).is_ok());
     assert_refuses(
         COURSE,
+        &["path.waypoints=[[0,0,0],[0.1,0,0]]"],
+        "path.waypoints",
+    );
+    assert_refuses(
+        COURSE,
         &["path.waypoints=[[-1e6,0,0],[1e6,0,0]]"],
         "path.waypoints",
     );
@@ -177,6 +182,16 @@ fn a_standing_bike_says_that_its_goal_has_no_effect() {
     let warnings = setup(STAND, &["goal.x_m=1"]).warnings;
     assert!(
         warnings.iter().any(|text| text.contains("[goal]")),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn a_start_far_from_the_path_is_worth_a_word() {
+    assert!(setup(COURSE, &["start.x_m=0.5"]).warnings.is_empty());
+    let warnings = setup(COURSE, &["start.x_m=9.0"]).warnings;
+    assert!(
+        warnings.iter().any(|text| text.contains("8.0 m")),
         "{warnings:?}"
     );
 }

@@ -183,3 +183,14 @@ fn a_flywheel_that_is_out_of_balance_is_felt() {
         unbalanced.balancer_torque_rms_nm
     );
 }
+
+#[test]
+fn an_encoder_that_trembles_does_not_keep_a_bike_from_being_at_rest() {
+    let report = assert_arrives(&["noise.speed_sigma_mps=0.05", "noise.steer_sigma_deg=0.5"]);
+    assert!(
+        report
+            .metrics
+            .end_position_error_m
+            .is_some_and(|e| e < 0.03)
+    );
+}
