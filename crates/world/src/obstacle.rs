@@ -260,8 +260,22 @@ fn as_block(ring: &[Point2]) -> Option<Obstacle> {
 
 /// The first pair of edges that share a point they should not, and that point.
 ///
-/// Edges are visited in order of their least x, so that only pairs overlapping in x are tried.
+/// Edges are visited in order of their least x, so that only pairs overlapping in x are tried; of their least y where the
+/// edges run along x, as in a comb, and would all overlap.
 fn self_crossing(ring: &[Point2]) -> Option<(usize, usize, Point2)> {
+    let extent = Bounds::around(ring.iter().copied())?;
+    let run = ring.windows(2).fold((0.0, 0.0), |(x, y), w| {
+        (x + (w[1].x - w[0].x).abs(), y + (w[1].y - w[0].y).abs())
+    });
+    // Edges that a line across the sweep meets on average: the run along an axis over the extent.
+    if run.0 * extent.height() > run.1 * extent.width() {
+        let turned: Vec<_> = ring.iter().map(|v| Point2::new(v.y, v.x)).collect();
+        return self_crossing_along_x(&turned).map(|(i, j, at)| (i, j, Point2::new(at.y, at.x)));
+    }
+    self_crossing_along_x(ring)
+}
+
+fn self_crossing_along_x(ring: &[Point2]) -> Option<(usize, usize, Point2)> {
     let n = ring.len();
     let edge = |i: usize| (ring[i], ring[(i + 1) % n]);
     let mut order: Vec<usize> = (0..n).collect();
@@ -310,6 +324,29 @@ mod tests {
         Obstacle::Polygon {
             vertices: points.iter().map(|&(x, y)| Point2::new(x, y)).collect(),
         }
+    }
+
+    #[test]
+    fn a_crossing_is_named_alike_whichever_way_the_edges_run() {
+        // A bow tie among long edges along x, and the same turned by a right angle.
+        let bow = [(0.0, 0.0), (9.0, 2.0), (9.0, 0.0), (0.0, 2.0), (-1.0, 1.0)];
+        let ring = |turned: bool| -> Vec<Point2> {
+            bow.iter()
+                .map(|&(x, y)| {
+                    if turned {
+                        Point2::new(y, x)
+                    } else {
+                        Point2::new(x, y)
+                    }
+                })
+                .collect()
+        };
+        let (i, j, at) = self_crossing(&ring(false)).unwrap();
+        assert_eq!((i, j, at), (0, 2, Point2::new(4.5, 1.0)));
+        assert_eq!(
+            self_crossing(&ring(true)),
+            Some((0, 2, Point2::new(1.0, 4.5)))
+        );
     }
 
     #[test]

@@ -368,7 +368,12 @@ fn block_ring(min: Point2, max: Point2) -> [Point2; 4] {
     ]
 }
 
-/// A simple polygon in convex parts (ear clipping, then merging after Hertel & Mehlhorn).
+/// Most vertices of a polygon that is cut into convex parts. Ear clipping takes the square of their number: seconds
+/// at ten thousand, in the middle of somebody's search.
+const MOST_CUT: usize = 1000;
+
+/// A simple polygon in convex parts (ear clipping, then merging after Hertel & Mehlhorn); its box, if it has too many vertices
+/// for that.
 fn convex_parts(ring: &[Point2]) -> Vec<Vec<Point2>> {
     let n = ring.len();
     let convex = (0..n).all(|i| {
@@ -378,9 +383,9 @@ fn convex_parts(ring: &[Point2]) -> Vec<Vec<Point2>> {
     if convex {
         return vec![ring.to_vec()];
     }
-    let vertices: Vec<ParryVector> = ring.iter().map(|p| ParryVector::new(p.x, p.y)).collect();
-    let Some(mesh) = TriMesh::from_polygon(vertices) else {
-        // Too thin to be cut into ears in floating point. Its edges still keep it solid; only
+    let cut = || TriMesh::from_polygon(ring.iter().map(|p| ParryVector::new(p.x, p.y)).collect());
+    let Some(mesh) = (n <= MOST_CUT).then(cut).flatten() else {
+        // Too large, or too thin to be cut into ears in floating point. Its edges still keep it solid; only
         // the depth of an overlap is then measured against its box.
         return Bounds::around(ring.iter().copied())
             .map(|b| vec![block_ring(b.min, b.max).to_vec()])

@@ -388,6 +388,24 @@ fn a_field_too_small_to_be_divided_is_refused() {
     }
 }
 
+/// A polygon with too many vertices to be cut up keeps every outline out; only how deep is not exact.
+#[test]
+fn a_polygon_of_thousands_of_vertices_is_solid() {
+    let radii: Vec<f64> = (0..4000).map(|k| 3.0 + hashed(k)).collect();
+    let world = World::new(
+        Bounds::new(0.0, 0.0, 10.0, 10.0),
+        vec![Obstacle::Polygon {
+            vertices: star(p(5.0, 5.0), &radii),
+        }],
+    )
+    .expect("valid");
+    let bike = Footprint::bike();
+    assert!(world.footprint_clearance(&bike, &Pose2::new(5.0, 5.0, 0.3)) < -0.3);
+    // The front of the axis is in, the rear contact is not.
+    assert!(world.footprint_clearance(&bike, &Pose2::new(9.5, 5.0, std::f64::consts::PI)) < -0.3);
+    assert!(world.footprint_clearance(&bike, &Pose2::new(0.6, 0.5, 0.0)) > 0.0);
+}
+
 #[test]
 fn an_empty_field_is_only_its_edge() {
     let world = World::new(Bounds::new(0.0, 0.0, 4.0, 2.0), Vec::new()).expect("valid");
