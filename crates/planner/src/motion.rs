@@ -245,30 +245,21 @@ impl<'w> MotionChecker<'w> {
     }
 
     /// Best-first branch and bound over all intervals of all motions: always split the one that may hold the least.
+    ///
+    /// Of an interval the clearances `a` and `b` at its ends are known, and two bounds on what lies between. One is that of the
+    /// sweep from both ends, (a + b − V Δt)/2. Beside a wall that is poor: it needs an interval for each tolerance's worth of way. But
+    /// a footprint moved without turning meets no obstacle in the discs of radius a and b about both ends of its way,
+    /// and for ends L apart the point between them nearest to the outside of both discs is √(a² − x²) from it, at
+    /// x = (L² + a² − b²)/(2L) from the first. What the way deviates from its chord, and what the footprint turns, is
+    /// taken off.
     fn least_clearance(&self, motions: &[impl Motion], tolerance: f64) -> f64 {
         let tolerance = tolerance.max(1e-9);
         let mut best = f64::INFINITY;
         let mut open = BinaryHeap::new();
-        let examine = |index: usize, from: f64, to: f64, best: &mut f64| {
-            let motion = &motions[index];
-            let clearance = self.pose_clearance(&motion.pose(0.5 * (from + to)));
-            *best = best.min(clearance);
-            let bound = clearance - 0.5 * (to - from) * self.rate(motion, from, to);
-            Interval {
-                // Not a number is no bound at all.
-                bound: if bound.is_nan() {
-                    f64::NEG_INFINITY
-                } else {
-                    bound
-                },
-                index,
-                from,
-                to,
-            }
-        };
-        for index in 0..motions.len() {
-            let interval = examine(index, 0.0, 1.0, &mut best);
-            open.push(interval);
+        for (index, motion) in motions.iter().enumerate() {
+            let [from, to] = [0.0, 1.0].map(|t| (t, self.pose_clearance(&motion.pose(t))));
+            best = best.min(from.1).min(to.1);
+            open.push(self.interval(motion, index, from, to));
         }
         let mut queries = 0;
         while let Some(interval) = open.pop() {
@@ -276,14 +267,68 @@ impl<'w> MotionChecker<'w> {
             if best - interval.bound <= tolerance || queries > MAX_QUERIES {
                 return interval.bound.min(best);
             }
-            let middle = 0.5 * (interval.from + interval.to);
-            for (from, to) in [(interval.from, middle), (middle, interval.to)] {
-                let half = examine(interval.index, from, to, &mut best);
-                open.push(half);
-            }
+            let motion = &motions[interval.index];
+            let middle = 0.5 * (interval.from.0 + interval.to.0);
+            let middle = (middle, self.pose_clearance(&motion.pose(middle)));
+            best = best.min(middle.1);
+            open.push(self.interval(motion, interval.index, interval.from, middle));
+            open.push(self.interval(motion, interval.index, middle, interval.to));
         }
         best
     }
+
+    /// The interval between two parameters, each with the clearance there.
+    fn interval(
+        &self,
+        motion: &impl Motion,
+        index: usize,
+        from: (f64, f64),
+        to: (f64, f64),
+    ) -> Interval {
+        let part = to.0 - from.0;
+        let turned = if self.round.is_some() {
+            0.0
+        } else {
+            self.reach * motion.heading_rate(from.0, to.0) * part
+        };
+        let swept = 0.5 * (from.1 + to.1 - motion.speed() * part - turned);
+        let deviation = 0.125 * motion.acceleration(from.0, to.0) * part * part;
+        let chord = (motion.pose(to.0).position - motion.pose(from.0).position).norm();
+        let between = clearance_between(from.1, to.1 - turned, chord) - deviation - turned;
+        let bound = if between > swept { between } else { swept };
+        Interval {
+            // Not a number is no bound at all.
+            bound: if bound.is_nan() {
+                f64::NEG_INFINITY
+            } else {
+                bound
+            },
+            index,
+            from,
+            to,
+        }
+    }
+}
+
+/// Least clearance on a segment of length `chord` (m) at whose ends it is `a` and `b` (m): the distance from the segment to
+/// the outside of the discs of these radii about its ends. −∞ where the discs do not cover the segment together.
+fn clearance_between(a: f64, b: f64, chord: f64) -> f64 {
+    if !(a > 0.0 && b > 0.0 && a + b > chord) {
+        return f64::NEG_INFINITY;
+    }
+    if (a - b).abs() >= chord {
+        // The smaller disc lies within the larger, and its centre is nearest to the outside.
+        let (smaller, larger) = if a < b { (a, b) } else { (b, a) };
+        return smaller.max(larger - chord);
+    }
+    let x = 0.5 * (chord + (a - b) * (a + b) / chord);
+    if x <= 0.0 {
+        return a;
+    }
+    if x >= chord {
+        return b;
+    }
+    ((a - x) * (a + x)).max(0.0).sqrt()
 }
 
 /// Radius of the largest disc about the reference point that a footprint contains, m; 0 if the point lies outside.
@@ -314,6 +359,8 @@ trait Motion {
     fn speed(&self) -> f64;
     /// Bound on |dθ/dT| between two parameters.
     fn heading_rate(&self, from: f64, to: f64) -> f64;
+    /// Bound on |d²P/dT²| between two parameters.
+    fn acceleration(&self, from: f64, to: f64) -> f64;
 }
 
 struct Straight {
@@ -350,6 +397,10 @@ impl Motion for Straight {
     fn heading_rate(&self, _: f64, _: f64) -> f64 {
         0.0
     }
+
+    fn acceleration(&self, _: f64, _: f64) -> f64 {
+        0.0
+    }
 }
 
 struct Curved<'c> {
@@ -381,14 +432,21 @@ impl Motion for Curved<'_> {
     fn heading_rate(&self, from: f64, to: f64) -> f64 {
         self.curve.heading_rate_bound(from, to)
     }
+
+    fn acceleration(&self, from: f64, to: f64) -> f64 {
+        // Linear in T, so largest at an end.
+        let at = |t| self.curve.second_derivative(t).norm();
+        at(from).max(at(to))
+    }
 }
 
 /// An interval of one motion with a lower bound of the clearance on it; the least bound is the greatest entry of a heap.
 struct Interval {
     bound: f64,
     index: usize,
-    from: f64,
-    to: f64,
+    /// Parameter, and the clearance there (m).
+    from: (f64, f64),
+    to: (f64, f64),
 }
 
 impl PartialEq for Interval {
@@ -411,7 +469,7 @@ impl Ord for Interval {
             .bound
             .total_cmp(&self.bound)
             .then(other.index.cmp(&self.index))
-            .then(other.from.total_cmp(&self.from))
+            .then(other.from.0.total_cmp(&self.from.0))
     }
 }
 
