@@ -70,6 +70,48 @@ pub fn read_inner(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(|error| plain(&error))
 }
 
+/// What a file seems to be, by its extension.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A map of any format.
+    Map,
+    /// A recording, whole or not.
+    Recording,
+    /// A scenario, as far as can be told.
+    Other,
+}
+
+impl Kind {
+    /// Judges `path`.
+    pub fn of(path: &Path) -> Self {
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        match extension.unwrap_or_default().to_ascii_lowercase().as_str() {
+            "yaml" | "yml" | "png" | "pgm" | "bmp" | "map" | "json" | "txt" => Self::Map,
+            "mcap" | "part" => Self::Recording,
+            _ => Self::Other,
+        }
+    }
+
+    /// Refuses to read as a scenario what is something else.
+    fn refuse_as_scenario(self, path: &Path) -> Result<(), Failure> {
+        let path = path.display();
+        let (is, help) = match self {
+            Self::Map => (
+                "a map",
+                format!("`bikebot map info {path}` and `bikebot plan {path}` read maps"),
+            ),
+            Self::Recording => (
+                "a recording",
+                format!("`bikebot run --from {path}` runs it again"),
+            ),
+            Self::Other => return Ok(()),
+        };
+        Err(Failure::usage(
+            Diagnostic::error(format!("{path} is {is}, not a scenario")).help(help),
+        ))
+    }
+}
+
 /// Where the files come from that a scenario names.
 #[derive(Debug)]
 enum Files {
@@ -109,6 +151,9 @@ impl Loaded {
     /// `--set` comes last and wins.
     pub fn read_with(path: &Path, changes: &Changes, flags: Vec<Given>) -> Result<Self, Failure> {
         let is_stdin = path.as_os_str() == "-";
+        if path.is_file() {
+            Kind::of(path).refuse_as_scenario(path)?;
+        }
         let limit = MAX_SCENARIO_BYTES as u64;
         let (name, bytes) = if is_stdin {
             ("<stdin>".to_owned(), read(Path::new("/dev/stdin"), limit)?)

@@ -12,7 +12,7 @@ use clap::Args;
 use crate::args::{Changes, EndArg, Force, count, duration, positive, runs, threads};
 use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
-use crate::input::{Given, Loaded};
+use crate::input::{Given, Kind, Loaded};
 use crate::output::Output;
 use crate::plan_json::{PlanFile, PlanJson, Times};
 use crate::render::{self, Sheet, significant};
@@ -427,14 +427,6 @@ fn words(reason: Reason) -> &'static str {
     }
 }
 
-/// Whether a file is a map, by its extension.
-fn is_map(path: &Path) -> bool {
-    const MAPS: [&str; 8] = ["yaml", "yml", "png", "pgm", "bmp", "map", "json", "txt"];
-    path.extension()
-        .and_then(|extension| extension.to_str())
-        .is_some_and(|extension| MAPS.contains(&extension.to_ascii_lowercase().as_str()))
-}
-
 /// The flags of this verb, as changes to the scenario: so they are checked and
 /// told like everything else.
 fn flags(args: &PlanArgs) -> Vec<Given> {
@@ -487,7 +479,7 @@ fn flags(args: &PlanArgs) -> Vec<Given> {
 }
 
 fn load(args: &PlanArgs) -> Result<Loaded, Failure> {
-    if is_map(&args.input) {
+    if Kind::of(&args.input) == Kind::Map {
         Loaded::bare_map(&args.input, &args.changes, flags(args))
     } else {
         Loaded::read_with(&args.input, &args.changes, flags(args))
