@@ -9,6 +9,7 @@ use std::hint::black_box;
 
 use bikebot_dynamics::{LaserParams, LaserScan, LaserScanner};
 use bikebot_geometry::{Point2, Pose2, Vector2};
+use bikebot_world::formats::{self, MapOptions};
 use bikebot_world::{Bounds, Cell, Obstacle, OccupancyGrid, World};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rand::{Rng, SeedableRng};
@@ -189,5 +190,38 @@ fn laser_scan(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, laser_scan);
+/// The yard of Table 2 from its middle: ten blocks and the field's edge. Baseline: one ray at a time.
+fn scan_of_the_yard(c: &mut Criterion) {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/maps/fig6.json");
+    let bytes = std::fs::read(path).expect("a shipped scene");
+    let world = formats::load("fig6.json", &bytes, &MapOptions::default(), &mut |_| {
+        Err("a scene names no files".into())
+    })
+    .expect("a valid scene")
+    .world;
+    let scanner = LaserScanner::new(&LaserParams::default()).expect("the default scanner");
+    let pose = Pose2::new(50.0, 50.0, 0.5);
+    let mount = scanner.mount(&pose, 0.0);
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut scan = scanner.scan(&world, &pose, 0.0, &mut rng);
+    let mut group = c.benchmark_group("laser_scan/fig6");
+    group.throughput(Throughput::Elements(scan.ranges.len() as u64));
+    group.bench_function("baseline_ray_by_ray", |b| {
+        let range_max = scanner.params().range_max;
+        b.iter(|| {
+            (0..scan.ranges.len())
+                .filter_map(|i| {
+                    let angle = mount.heading + scan.angle_min + scan.angle_step * i as f64;
+                    world.cast_ray(black_box(mount.position), angle, range_max)
+                })
+                .sum::<f64>()
+        });
+    });
+    group.bench_function("scan", |b| {
+        b.iter(|| scanner.scan_into(&world, black_box(&pose), 0.0, &mut rng, &mut scan));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, scan_of_the_yard, laser_scan);
 criterion_main!(benches);
