@@ -15,6 +15,7 @@ mod corridor_ends;
 pub mod cost;
 pub mod end_arcs;
 pub mod error;
+pub mod guide;
 pub mod kd_tree;
 pub mod metrics;
 pub mod motion;
@@ -30,9 +31,12 @@ pub mod search;
 pub mod seeds;
 pub mod shortcut;
 pub mod steer;
+pub mod taut;
 #[cfg(test)]
 mod test_scenes;
 pub mod tree;
+#[cfg(test)]
+mod visibility;
 
 pub use budget::{Budget, CutShort, Meter, StopReason};
 pub use error::{End, PlanError};

@@ -131,14 +131,20 @@ impl<'w> MotionChecker<'w> {
     /// Whether the straight motion from `from` to `to` is free, the heading along it.
     #[must_use]
     pub fn is_segment_free(&self, from: Point2, to: Point2) -> bool {
+        self.obstruction(from, to).is_none()
+    }
+
+    /// Where the straight motion from `from` to `to` was found not to be free; `None` if it is free. Of several such places
+    /// it is the first that bisection comes upon, not the first on the way.
+    pub(crate) fn obstruction(&self, from: Point2, to: Point2) -> Option<Point2> {
         let motion = Straight::new(from, to);
-        self.sweep(&motion)
+        self.sweep(&motion).map(|t| motion.pose(t).position)
     }
 
     /// Whether the footprint carried along `curve`, the heading along it, is free.
     #[must_use]
     pub fn is_curve_free(&self, curve: &FergusonCurve) -> bool {
-        self.sweep(&Curved::new(curve))
+        self.sweep(&Curved::new(curve)).is_none()
     }
 
     /// A value of the clearance at `pose` that is a lower bound always, and exact where it is below `need`.
@@ -173,7 +179,8 @@ impl<'w> MotionChecker<'w> {
         self.world.footprint_clearance(&self.footprint, pose)
     }
 
-    fn sweep(&self, motion: &impl Motion) -> bool {
+    /// The parameter at which the motion was refused; `None` if it is free.
+    fn sweep(&self, motion: &impl Motion) -> Option<f64> {
         let floor = self.margin + 0.5 * self.resolution;
         let mut stack = [(0.0, 0.0); STACK];
         stack[0] = (0.0, 1.0);
@@ -187,12 +194,12 @@ impl<'w> MotionChecker<'w> {
             let rate = self.rate(motion, from, to);
             queries += 1;
             if queries > MAX_QUERIES || height + 2 > STACK {
-                return false;
+                return Some(middle);
             }
             let need = self.margin + rate * half;
             let clearance = self.lower_bound(&motion.pose(middle), need.max(floor));
             if clearance < floor || clearance.is_nan() {
-                return false;
+                return Some(middle);
             }
             let proven = (clearance - self.margin) / rate;
             if proven >= half {
@@ -201,7 +208,7 @@ impl<'w> MotionChecker<'w> {
             if !(rate.is_finite() && proven > 0.0) {
                 // Nothing proven beyond the middle itself: halve, until the interval is as good as a point.
                 if half <= f64::EPSILON {
-                    return false;
+                    return Some(middle);
                 }
                 stack[height] = (from, middle);
                 stack[height + 1] = (middle, to);
@@ -211,7 +218,7 @@ impl<'w> MotionChecker<'w> {
             }
             height += 2;
         }
-        true
+        None
     }
 
     /// No point of the footprint moves faster than this between the two parameters, m per unit of the parameter.
