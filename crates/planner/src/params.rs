@@ -215,6 +215,9 @@ pub struct PlannerParams {
     /// Pairs of points the shortcut tries (the paper's i_smooth; Table 1: 200). Attempts, successful or not.
     #[schemars(range(min = 0, max = 100_000_000))]
     pub shortcut_attempts: u64,
+    /// Pull the shortcut path tight before the corridor search. Algorithm 1 does not; on the yard of Table 2 it saves
+    /// about 3 m, which brings the length to the paper's own.
+    pub taut_guide: bool,
     /// How many guides "paper" may try: where the corridor about one comes to nothing, BiRRT starts again. A guide is planned
     /// without headings, and sometimes leads where the whole outline cannot turn. The paper has one.
     #[schemars(range(min = 1, max = 10_000))]
@@ -276,6 +279,7 @@ impl Default for PlannerParams {
             near_limit: 200,
             heading_spread_deg: 30.0,
             shortcut_attempts: 200,
+            taut_guide: false,
             guides: 5,
             birrt_connect: false,
             tangent: TangentRule::ChordSec2,

@@ -4,6 +4,7 @@
 //! |---------------------|-------|--------------------|---------------------------|
 //! | [`birrt::search`]   | 1–4   | heading, curvature | a collision-free polyline |
 //! | [`shortcut::apply`] | 5     | heading, curvature | a shorter polyline        |
+//! | [`taut::pull`]      | –     | heading, curvature | the same, tight (a switch) |
 //! | [`corridor::search`] | 6–38 | nothing            | curves the bike can track |
 //!
 //! Stages that ignore heading plan for the largest disc about the footprint's reference point: what that disc cannot
@@ -19,6 +20,7 @@ use crate::params::{GoalMode, Method, PlannerParams};
 use crate::problem::{EndPose, PlanningProblem};
 use crate::report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};
 use crate::search::{PointQuery, PointSearch};
+use crate::taut::{self, Rivals};
 use crate::{corridor, rrt, rrt_star, shortcut};
 use bikebot_geometry::{CurvePath, Point2, Polyline, Pose2, angle};
 
@@ -238,8 +240,12 @@ impl Run<'_, '_, '_> {
             &mut chance,
             &mut self.meter,
         );
-        self.stages.guide = Polyline::new(path.clone()).ok();
         self.note_polyline(Stage::Shortcut, &path);
+        if self.params.taut_guide && self.params.method == Method::Paper {
+            path = taut::pull(&path, &Rivals::none(), &self.discs, &mut self.meter).path;
+            self.note_polyline(Stage::Taut, &path);
+        }
+        self.stages.guide = Polyline::new(path.clone()).ok();
         Ok(path)
     }
 

@@ -51,6 +51,8 @@ pub enum Stage {
     Birrt,
     /// Shortcut.
     Shortcut,
+    /// Pulling tight.
+    Taut,
     /// RRT* in the corridor.
     Corridor,
 }
