@@ -50,14 +50,15 @@ impl Answer {
         }
     }
 
-    /// H_ij x_j + g_i + Gᵀz + Aᵀy of one unknown in the last report, before fixed unknowns are left out: what a
-    /// fixed unknown's own multiplier has to cancel.
+    /// H_ij x_j + g_i + Gᵀz + Aᵀy of one unknown in the last report, before fixed unknowns are left
+    /// out: what a fixed unknown's own multiplier has to cancel.
     pub fn pull(&self, i: usize) -> f64 {
         self.stationarity[i]
     }
 
     /// Takes the iterate out of the scaled problem and reports on it, computed afresh from the
-    /// caller's data. Whatever went wrong, no NaN leaves: an answer that is not finite becomes zero.
+    /// caller's data. Whatever went wrong, no NaN leaves: an answer that is not finite becomes
+    /// zero.
     pub fn take<P: Program>(
         &mut self,
         given: &P,

@@ -7,25 +7,32 @@
 //!     [ A  0  ] [ dy ] = [ −p ]
 //! ```
 //!
-//! With V = L⁻¹Aᵀ: S = VᵀV = A K⁻¹ Aᵀ, S dy = Vᵀ(L⁻¹r) + p, dx = L⁻ᵀ(L⁻¹r − V dy). For E equalities that is
-//! E forward substitutions and an E × E Cholesky factor on top of the banded one: at E = 6 about
-//! as much as the factorisation itself, and the rows may touch any unknowns without widening
+//! With V = L⁻¹Aᵀ: S = VᵀV = A K⁻¹ Aᵀ, S dy = Vᵀ(L⁻¹r) + p, dx = L⁻ᵀ(L⁻¹r − V dy). For E equalities
+//! that is E forward substitutions and an E × E Cholesky factor on top of the banded one: at E = 6
+//! about as much as the factorisation itself, and the rows may touch any unknowns without widening
 //! the band.
 //!
-//! *Why not a large weight:* with 1e6 on the rows the answer misses them by 1e-6 times their multiplier, K's
-//! condition number is multiplied by the weight, and the caller has to repair the answer, which
-//! moves it off the optimum and off other rows. Here they hold to rounding.
+//! *Why not a large weight:* with 1e6 on the rows the answer misses them by 1e-6 times their
+//! multiplier, K's condition number is multiplied by the weight, and the caller has to repair the
+//! answer, which moves it off the optimum and off other rows. Here they hold to rounding.
 //!
-//! *Redundant rows* make S singular. Its diagonal is raised by the relative 1e-12, which is the proximal method
-//! of multipliers: p is measured afresh at every iteration, so the limit is unchanged, independent
-//! directions converge by a factor of some 1e-12 per step, and along the dependent ones dy stays 0.
+//! *Redundant rows* make S singular. Its diagonal is raised by the relative 1e-12, which is the
+//! proximal method of multipliers: p is measured afresh at every iteration, so the limit is
+//! unchanged, along dependent directions dy stays small, and one refinement removes its trace from
+//! the others.
 
 use crate::dense::cholesky;
 
+/// Equalities whose columns of V are formed together: a triangular solve waits for its own results,
+/// so that four cost little more than one.
+pub(crate) const LANES: usize = 4;
+
 /// The triangular solves with the factor L of K.
 pub(crate) trait Triangular {
-    /// v ← L⁻¹ v, where v is known to be zero before `first`.
-    fn forward(&self, v: &mut [f64], first: usize);
+    /// v ← L⁻¹ v.
+    fn forward(&self, v: &mut [f64]);
+    /// V ← L⁻¹ V, where V is known to be zero before `first`.
+    fn forward_block(&self, v: &mut [[f64; LANES]], first: usize);
     /// v ← L⁻ᵀ v.
     fn backward(&self, v: &mut [f64]);
 }
@@ -124,10 +131,16 @@ impl Equalities {
 #[derive(Debug, Clone)]
 pub(crate) struct SchurComplement {
     stride: usize,
-    /// V, one column per equality, contiguous.
-    reduced: Vec<f64>,
-    /// Cholesky factor of S.
+    /// V in blocks of [`LANES`] columns, each block contiguous.
+    reduced: Vec<[f64; LANES]>,
+    /// Of each block, the unknown before which it is zero.
+    starts: Vec<usize>,
+    /// Cholesky factor of S with its diagonal raised.
     factor: Vec<f64>,
+    /// By how much.
+    raise: Vec<f64>,
+    /// Scratch for the one refinement.
+    correction: Vec<f64>,
 }
 
 impl SchurComplement {
@@ -138,61 +151,117 @@ impl SchurComplement {
     pub fn with_capacity(stride: usize, capacity: usize) -> Self {
         Self {
             stride,
-            reduced: vec![0.0; stride * capacity],
+            starts: vec![0; capacity.div_ceil(LANES)],
+            reduced: vec![[0.0; LANES]; stride * capacity.div_ceil(LANES)],
             factor: vec![0.0; capacity * capacity],
+            raise: vec![0.0; capacity],
+            correction: vec![0.0; capacity],
         }
     }
 
     /// Forms V and the factor of S for the current L.
     pub fn factorise(&mut self, equalities: &Equalities, l: &impl Triangular) {
         let count = equalities.len();
-        for k in 0..count {
-            let v = &mut self.reduced[k * self.stride..(k + 1) * self.stride];
-            v.fill(0.0);
-            let (first, row) = equalities.row(k);
-            v[first..first + row.len()].copy_from_slice(row);
-            l.forward(v, first);
+        if count == 0 {
+            return;
         }
-        for i in 0..count {
-            for j in 0..=i {
-                // V is zero above the span of either row
-                let start = equalities.row(i).0.max(equalities.row(j).0);
-                let s = dot(&self.column(i)[start..], &self.column(j)[start..]);
-                self.factor[i * count + j] = s;
+        let blocks = count.div_ceil(LANES);
+        for (block, v) in self
+            .reduced
+            .chunks_exact_mut(self.stride)
+            .take(blocks)
+            .enumerate()
+        {
+            v.fill([0.0; LANES]);
+            let mut start = self.stride;
+            for (lane, k) in (block * LANES..count.min((block + 1) * LANES)).enumerate() {
+                let (first, row) = equalities.row(k);
+                for (v, a) in v[first..].iter_mut().zip(row) {
+                    v[lane] = *a;
+                }
+                start = start.min(first);
             }
-            let diagonal = &mut self.factor[i * count + i];
-            *diagonal += if *diagonal > 0.0 {
-                Self::RAISE * *diagonal
-            } else {
-                Self::RAISE
-            };
+            l.forward_block(v, start);
+            self.starts[block] = start;
+        }
+        for i in 0..blocks {
+            for j in 0..=i {
+                let s = gram(
+                    self.block(i),
+                    self.block(j),
+                    self.starts[i].max(self.starts[j]),
+                );
+                for (a, row) in s.iter().enumerate() {
+                    for (b, &s) in row.iter().enumerate() {
+                        let (k, l) = (i * LANES + a, j * LANES + b);
+                        if k < count && l <= k {
+                            self.factor[k * count + l] = s;
+                        }
+                    }
+                }
+            }
+        }
+        for k in 0..count {
+            let diagonal = &mut self.factor[k * count + k];
+            self.raise[k] = Self::RAISE * if *diagonal > 0.0 { *diagonal } else { 1.0 };
+            *diagonal += self.raise[k];
         }
         cholesky::factorise(&mut self.factor[..count * count], count);
     }
 
-    fn column(&self, k: usize) -> &[f64] {
-        &self.reduced[k * self.stride..(k + 1) * self.stride]
+    fn block(&self, i: usize) -> &[[f64; LANES]] {
+        &self.reduced[i * self.stride..(i + 1) * self.stride]
     }
 
     /// On entry `dx` = r and `dy` = p; on return the step.
-    pub fn solve(&self, l: &impl Triangular, dx: &mut [f64], dy: &mut [f64]) {
+    pub fn solve(&mut self, l: &impl Triangular, dx: &mut [f64], dy: &mut [f64]) {
         let count = dy.len();
-        l.forward(dx, 0);
+        l.forward(dx);
         if count > 0 {
-            for (k, dy) in dy.iter_mut().enumerate() {
-                *dy += dot(self.column(k), dx);
+            for (i, dy) in dy.chunks_mut(LANES).enumerate() {
+                let mut sums = [0.0; LANES];
+                for (v, dx) in self.block(i).iter().zip(dx.iter()).skip(self.starts[i]) {
+                    for lane in 0..LANES {
+                        sums[lane] += v[lane] * dx;
+                    }
+                }
+                dy.iter_mut().zip(sums).for_each(|(dy, sum)| *dy += sum);
             }
             let factor = &self.factor[..count * count];
             cholesky::forward(factor, count, dy);
             cholesky::backward(factor, count, dy);
-            for (k, &dy) in dy.iter().enumerate() {
-                for (dx, v) in dx.iter_mut().zip(self.column(k)) {
-                    *dx -= v * dy;
+            // the raised S leaves the residual raise ∘ dy; one refinement takes it away
+            let correction = &mut self.correction[..count];
+            for ((c, raise), dy) in correction.iter_mut().zip(&self.raise).zip(dy.iter()) {
+                *c = raise * dy;
+            }
+            cholesky::forward(factor, count, correction);
+            cholesky::backward(factor, count, correction);
+            dy.iter_mut().zip(correction).for_each(|(dy, c)| *dy += *c);
+            for (i, dy) in dy.chunks(LANES).enumerate() {
+                let mut factors = [0.0; LANES];
+                factors[..dy.len()].copy_from_slice(dy);
+                for (v, dx) in self.block(i).iter().zip(dx.iter_mut()).skip(self.starts[i]) {
+                    let products = [0, 1, 2, 3].map(|lane: usize| v[lane] * factors[lane]);
+                    *dx -= (products[0] + products[1]) + (products[2] + products[3]);
                 }
             }
         }
         l.backward(dx);
     }
+}
+
+/// AᵀB from row `first` on.
+fn gram(a: &[[f64; LANES]], b: &[[f64; LANES]], first: usize) -> [[f64; LANES]; LANES] {
+    let mut sums = [[0.0; LANES]; LANES];
+    for (a, b) in a.iter().zip(b).skip(first) {
+        for (sums, a) in sums.iter_mut().zip(a) {
+            for (sum, b) in sums.iter_mut().zip(b) {
+                *sum += a * b;
+            }
+        }
+    }
+    sums
 }
 
 /// Σ a_i b_i over the shorter of the two, in four independent sums: always the same order, and no

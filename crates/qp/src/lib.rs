@@ -7,19 +7,20 @@
 //!                 A x = c                      (equalities)
 //! ```
 //!
-//! * [`BandedQp`]: H a positive definite band and rows on windows of it; hundreds of unknowns. Refines
+//! * [`BandedQp`]: H a positive definite band and rows on windows of it; hundreds of unknowns.
+//!   Refines
 //!   splines.
 //! * [`DenseQp`]: H positive semidefinite and dense, with boxes; some forty unknowns. Predictive
 //!   control within a tick.
 //!
-//! Both run the same primal–dual interior point with Mehrotra's predictor and corrector (`interior_point`),
-//! with elastic rows eliminated by hand (`row`), equalities met exactly through a small
-//! Schur complement (`equalities`), and the problem scaled by powers of two (`scaling`). Room is made
-//! when a solver is constructed; refilling and solving take no memory. Nothing is random and
-//! nothing depends on threads or time: the same problem gives the same bits.
+//! Both run the same primal–dual interior point with Mehrotra's predictor and corrector
+//! (`interior_point`), with elastic rows eliminated by hand (`row`), equalities met exactly through
+//! a small Schur complement (`equalities`), and the problem scaled by powers of two (`scaling`).
+//! Room is made when a solver is constructed; refilling and solving take no memory. Nothing is
+//! random and nothing depends on threads or time: the same problem gives the same bits.
 //!
-//! How a solve ended is a [`Status`], in the [`Summary`]; input that makes no sense is a [`QpError`] from the
-//! call that gave it. All quantities are in the caller's own units.
+//! How a solve ended is a [`Status`], in the [`Summary`]; input that makes no sense is a
+//! [`QpError`] from the call that gave it. All quantities are in the caller's own units.
 
 mod answer;
 mod banded;

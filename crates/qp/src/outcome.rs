@@ -2,22 +2,25 @@
 
 /// When the interior point stops.
 ///
-/// The test is made on the scaled problem (see `scaling` in the
-/// source), where unknowns, row norms and the Hessian's diagonal are of order one. With
-/// ε = `tolerance` it stops as [`Status::Solved`] when all three hold:
+/// The tests are made on the scaled problem (see `scaling` in the source), where row norms and the
+/// Hessian's diagonal are of order one. With ε_r = `residual_tolerance` and ε_g = `gap_tolerance`
+/// it stops as [`Status::Solved`] when all three hold:
 ///
-/// * stationarity: ‖Hx + g + Gᵀz + Aᵀy‖∞ ≤ ε (1 + max(‖Hx‖∞, ‖g‖∞)),
-/// * feasibility: each row's residual |a·x + s − e − b| ≤ ε (1 + ‖x‖∞) (1 + |b|), and each equality's
-///   |a·x − c| ≤ ε (1 + ‖x‖∞),
-/// * complementarity: Σ (s z + e v) ≤ ε (1 + ½ xᵀHx + |gᵀx|). This sum *is* the duality gap of a
+/// * stationarity: ‖Hx + g + Gᵀz + Aᵀy‖∞ ≤ ε_r (1 + max(‖Hx‖∞, ‖g‖∞)),
+/// * feasibility: each row's |a·x + s − e − b| ≤ ε_r (1 + ‖x‖∞) (1 + |b|), and each equality's
+///   |a·x − c| ≤ ε_r (1 + ‖x‖∞),
+/// * complementarity: Σ (s z + e v) ≤ ε_g (1 + ½ xᵀHx + |gᵀx|). This sum *is* the duality gap of a
 ///   point that meets the other two. The price of violated elastic rows is left out on the right,
 ///   so that a hopeless row with a high price does not loosen the answer for `x`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// ε above. The default 1e-10 costs one iteration more than 1e-8 and gives objective values
-    /// good to nine digits. At or below 1e-14 rounding wins and solves end in
-    /// [`Status::MaxIterations`].
-    pub tolerance: f64,
+    /// ε_r. The default 1e-9 is usually undercut by far: full Newton steps leave rounding only. At
+    /// or below 1e-14 rounding wins and solves end in [`Status::MaxIterations`].
+    pub residual_tolerance: f64,
+    /// ε_g. By strong convexity ½ |x − x*|²_H ≤ gap, so that the *square root* of this is what can
+    /// be relied on in x: the default 1e-12 is a relative 1e-6 in the norm of H. Each power of a
+    /// hundred costs an iteration at most.
+    pub gap_tolerance: f64,
     /// The most Newton iterations, each one factorisation and two solves. The default 60 is some
     /// five times what ordinary problems take.
     pub max_iterations: u32,
@@ -26,7 +29,8 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            tolerance: 1e-10,
+            residual_tolerance: 1e-9,
+            gap_tolerance: 1e-12,
             max_iterations: 60,
         }
     }

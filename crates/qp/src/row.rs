@@ -16,17 +16,17 @@
 //!     dz = D (a·dx + q),       D = 1/(s/z + e/v),     q = p + r_s/z − r_e/v
 //! ```
 //!
-//! D carries one more term, `PROXIMAL`, which is the proximal method of multipliers for z: it bounds D, and
-//! so the condition of H + GᵀDG, where rows leave no interior and multipliers are not unique; p is measured
-//! afresh at every iteration, so that it moves no limit.
+//! D carries one more term, `PROXIMAL`, which is the proximal method of multipliers for z: it
+//! bounds D, and so the condition of H + GᵀDG, where rows leave no interior and multipliers are not
+//! unique; p is measured afresh at every iteration, so that it moves no limit.
 //!
 //! So a row only adds D a aᵀ to the Hessian and −D q a to the right-hand side: e costs no unknown.
 //! A hard row is the limit ρ → ∞, where the terms with e vanish. v is carried along by v ← v − α dz
 //! instead of being formed as ρ − z, which would lose its digits as z → ρ.
 
-/// δ of D = 1/(s/z + e/v + δ), in the scaled problem. At 1e-12 its trace in p is δ dz per step, below
-/// every tolerance; without it one random problem in a thousand whose hard rows meet in a single
-/// point ends in overflow, with it one in forty thousand runs out of iterations.
+/// δ of D = 1/(s/z + e/v + δ), in the scaled problem. At 1e-12 its trace in p is δ dz per step,
+/// below every tolerance; without it one random problem in a thousand whose hard rows meet in a
+/// single point ends in overflow, with it one in forty thousand runs out of iterations.
 const PROXIMAL: f64 = 1e-12;
 
 /// State and step of one row, in the scaled problem.

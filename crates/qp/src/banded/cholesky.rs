@@ -4,17 +4,20 @@
 //! are W more columns of zeros than unknowns, so that no loop needs to know where the matrix ends
 //! and all run over exactly W entries.
 
-use crate::equalities::Triangular;
+use crate::equalities::{LANES, Triangular};
 
 /// Least pivot. H, with a diagonal of order one, is accepted only with pivots above it; adding
 /// GᵀDG can only raise them, so that a smaller one in K is rounding and may be lifted to it.
 pub(crate) const LEAST_PIVOT: f64 = 1e-14;
 
-/// L of K = LLᵀ, with the reciprocals of its diagonal in place of the diagonal.
+/// L of K = LLᵀ, kept as the reciprocals 1/L_jj of its diagonal and, in place of K, its columns
+/// divided by L_jj. So the chain from one unknown to the next, which is what a triangular solve
+/// waits for, is one product and one difference; the diagonal is applied in a sweep of its own.
 #[derive(Debug, Clone)]
 pub(crate) struct BandedCholesky<const W: usize> {
     unknowns: usize,
     columns: Vec<[f64; W]>,
+    reciprocals: Vec<f64>,
 }
 
 impl<const W: usize> BandedCholesky<W> {
@@ -22,6 +25,7 @@ impl<const W: usize> BandedCholesky<W> {
         Self {
             unknowns,
             columns: vec![[0.0; W]; unknowns + W],
+            reciprocals: vec![0.0; unknowns],
         }
     }
 
@@ -33,56 +37,102 @@ impl<const W: usize> BandedCholesky<W> {
         columns
     }
 
-    /// Factorises in place, column by column, each updating the W − 1 that follow. Returns whether all
-    /// pivots were above [`LEAST_PIVOT`]; those that were not are raised to it.
+    /// Factorises in place, column by column, each updating the W − 1 that follow. Returns whether
+    /// all pivots were above [`LEAST_PIVOT`]; those that were not are raised to it.
     pub fn factorise(&mut self) -> bool {
         let mut definite = true;
         for j in 0..self.unknowns {
             let (done, rest) = self.columns.split_at_mut(j + 1);
             let column = &mut done[j];
             let mut pivot = column[0];
-            if !(pivot > LEAST_PIVOT) {
+            let positive = pivot > LEAST_PIVOT;
+            if !positive {
                 definite = false;
                 pivot = LEAST_PIVOT;
             }
-            let reciprocal = 1.0 / pivot.sqrt();
-            column[0] = reciprocal;
+            let reciprocal = 1.0 / pivot;
+            let unscaled = *column;
             for l in &mut column[1..] {
                 *l *= reciprocal;
             }
             for k in 1..W {
                 let target = &mut rest[k - 1];
-                let factor = column[k];
                 for i in 0..W - k {
-                    target[i] -= factor * column[k + i];
+                    target[i] -= unscaled[k] * column[k + i];
                 }
             }
+            self.reciprocals[j] = reciprocal.sqrt();
         }
         definite
     }
 }
 
-impl<const W: usize> Triangular for BandedCholesky<W> {
-    fn forward(&self, v: &mut [f64], first: usize) {
-        for (j, column) in self.columns[..self.unknowns].iter().enumerate().skip(first) {
-            let window = &mut v[j..j + W];
-            let x = window[0] * column[0];
-            window[0] = x;
-            for k in 1..W {
-                window[k] -= column[k] * x;
+impl<const W: usize> BandedCholesky<W> {
+    /// L⁻¹ on several right-hand sides at once, row by row: x_j = v_j − Σ_k L_{j,j−k} x_{j−k}, the
+    /// youngest x last and out of a register, so that nothing else is waited for.
+    fn forward_lanes<const L: usize>(&self, v: &mut [[f64; L]], first: usize) {
+        let v = &mut v[..self.unknowns];
+        let mut youngest = [0.0; L];
+        for j in first..self.unknowns {
+            let windows = (
+                self.columns[..=j].last_chunk::<W>(),
+                v[..=j].last_chunk::<W>(),
+            );
+            let mut x = v[j];
+            if let (Some(columns), Some(solved)) = windows {
+                for k in (2..W).rev() {
+                    subtract(&mut x, columns[W - 1 - k][k], &solved[W - 1 - k]);
+                }
+            } else {
+                for k in (2..=j).rev() {
+                    subtract(&mut x, self.columns[j - k][k], &v[j - k]);
+                }
             }
+            if W > 1 && j > 0 {
+                subtract(&mut x, self.columns[j - 1][1], &youngest);
+            }
+            v[j] = x;
+            youngest = x;
         }
+        for (v, scale) in v[first..].iter_mut().zip(&self.reciprocals[first..]) {
+            *v = v.map(|v| v * scale);
+        }
+    }
+}
+
+/// x ← x − l y.
+#[inline(always)]
+fn subtract<const L: usize>(x: &mut [f64; L], l: f64, y: &[f64; L]) {
+    for (x, y) in x.iter_mut().zip(y) {
+        *x -= l * y;
+    }
+}
+
+impl<const W: usize> Triangular for BandedCholesky<W> {
+    fn forward(&self, v: &mut [f64]) {
+        self.forward_lanes(v.as_chunks_mut::<1>().0, 0);
+    }
+
+    fn forward_block(&self, v: &mut [[f64; LANES]], first: usize) {
+        self.forward_lanes(v, first);
     }
 
     fn backward(&self, v: &mut [f64]) {
+        for (v, scale) in v.iter_mut().zip(&self.reciprocals[..self.unknowns]) {
+            *v *= scale;
+        }
+        let mut youngest = 0.0;
         for (j, column) in self.columns[..self.unknowns].iter().enumerate().rev() {
             let window = &mut v[j..j + W];
-            let mut sum = 0.0;
-            // the youngest unknown last: the others' products need not wait for it
-            for k in (1..W).rev() {
-                sum += column[k] * window[k];
+            let mut x = window[0];
+            for k in (2..W).rev() {
+                x -= column[k] * window[k];
             }
-            window[0] = (window[0] - sum) * column[0];
+            if W > 1 {
+                x -= column[1] * youngest;
+            }
+            window[0] = x;
+            youngest = x;
         }
     }
 }
@@ -117,7 +167,7 @@ mod tests {
             let mut factor = BandedCholesky::with_capacity(n);
             factor.load(&band, n);
             prop_assert!(factor.factorise());
-            factor.forward(&mut v, 0);
+            factor.forward(&mut v);
             factor.backward(&mut v);
             for (v, x) in v.iter().zip(&x[..n]) {
                 prop_assert!((v - x).abs() <= 1e-12);
@@ -131,7 +181,7 @@ mod tests {
         factor.load(&[[1.0, 2.0], [1.0, 0.0], [0.0; 2], [0.0; 2]], 2);
         assert!(!factor.factorise());
         let mut v = [1.0, 1.0, 0.0, 0.0];
-        factor.forward(&mut v, 0);
+        factor.forward(&mut v);
         factor.backward(&mut v);
         assert!(v.iter().all(|v| v.is_finite()));
     }

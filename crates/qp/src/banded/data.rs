@@ -51,14 +51,14 @@ impl<const W: usize> BandedData<W> {
         self.equalities.clear();
     }
 
-    /// Writes this problem, scaled ([`crate::scaling`]), into `scaled`. Returns whether every number of it is
-    /// finite and every diagonal entry of H positive.
+    /// Writes this problem, scaled ([`crate::scaling`]), into `scaled`. Returns whether every
+    /// number of it is finite and every diagonal entry of H positive.
     pub fn scale(&self, scaling: &mut Scaling, scaled: &mut Self) -> bool {
         let n = self.unknowns;
         scaled.reset(n);
         let d = &mut scaling.unknowns;
         for (d, column) in d.iter_mut().zip(&self.hessian[..n]) {
-            if !(column[0] > 0.0) {
+            if column[0] <= 0.0 || column[0].is_nan() {
                 return false;
             }
             *d = 1.0 / power_of_two(column[0].sqrt());
@@ -140,15 +140,19 @@ impl<const W: usize> Program for BandedData<W> {
     }
 
     fn hessian_times(&self, x: &[f64], out: &mut [f64]) {
-        out.fill(0.0);
+        // what is still to be added to the next W entries of the result
+        let mut ahead = [0.0; W];
         for (j, column) in self.hessian[..self.unknowns].iter().enumerate() {
-            let (x, out) = (&x[j..j + W], &mut out[j..j + W]);
-            let mut sum = column[0] * x[0];
-            for k in 1..W {
+            let x = &x[j..j + W];
+            let mut sum = ahead[0];
+            for k in 0..W {
                 sum += column[k] * x[k];
-                out[k] += column[k] * x[0];
             }
-            out[0] += sum;
+            out[j] = sum;
+            for k in 1..W {
+                ahead[k - 1] = ahead[k] + column[k] * x[0];
+            }
+            ahead[W - 1] = 0.0;
         }
     }
 

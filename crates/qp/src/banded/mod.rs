@@ -7,9 +7,9 @@
 //!                 A x = c                      (a few equalities, on any unknowns)
 //! ```
 //!
-//! H_ij = 0 unless |i − j| < W, and a_k touches at most W consecutive unknowns, so that GᵀDG keeps the
-//! band and an iteration costs n·W² operations. A cubic spline in the plane, its control points interleaved as
-//! x₀ y₀ x₁ y₁ …, has W = 8: a segment is decided by four control points.
+//! H_ij = 0 unless |i − j| < W, and a_k touches at most W consecutive unknowns, so that GᵀDG keeps
+//! the band and an iteration costs n·W² operations. A cubic spline in the plane, its control points
+//! interleaved as x₀ y₀ x₁ y₁ …, has W = 8: a segment is decided by four control points.
 
 mod cholesky;
 mod data;
@@ -63,9 +63,9 @@ struct Capacity {
 }
 
 impl<const W: usize> BandedQp<W> {
-    /// Room for problems of up to `unknowns` unknowns, `rows` inequality rows and `equalities` equality
-    /// rows; holds the empty problem (H = 0) of `unknowns` unknowns. A window of W = 0 does not
-    /// compile; no unknowns at all are taken as one.
+    /// Room for problems of up to `unknowns` unknowns, `rows` inequality rows and `equalities`
+    /// equality rows; holds the empty problem (H = 0) of `unknowns` unknowns. A window of W = 0
+    /// does not compile; no unknowns at all are taken as one.
     #[must_use]
     pub fn new(unknowns: usize, rows: usize, equalities: usize) -> Self {
         const { assert!(W > 0, "the window holds at least the diagonal") }
@@ -150,8 +150,8 @@ impl<const W: usize> BandedQp<W> {
         Ok(())
     }
 
-    /// Adds ½ `weight` (a·x − `target`)² to the objective, less its constant, with a on the unknowns
-    /// from `first` on. A negative weight is allowed as long as the sum stays convex.
+    /// Adds ½ `weight` (a·x − `target`)² to the objective, less its constant, with a on the
+    /// unknowns from `first` on. A negative weight is allowed as long as the sum stays convex.
     pub fn add_square(
         &mut self,
         first: usize,
@@ -206,8 +206,8 @@ impl<const W: usize> BandedQp<W> {
         Ok(index)
     }
 
-    /// Lets the next solve start at `x` instead of at a point of its own choice: worthwhile where `x`
-    /// nearly meets the rows, as the previous curve does in a sequence of programmes.
+    /// Lets the next solve start at `x` instead of at a point of its own choice: worthwhile where
+    /// `x` nearly meets the rows, as the previous curve does in a sequence of programmes.
     pub fn start_from(&mut self, x: &[f64]) -> Result<(), QpError> {
         let n = self.given.unknowns;
         finite_values("the starting point", x, n)?;

@@ -20,7 +20,8 @@ pub(crate) fn factorise(a: &mut [f64], n: usize) -> bool {
         }
         let mut pivot = row[i] - dot(&row[..i], &row[..i]);
         let least = LEAST_PIVOT * row[i].abs();
-        if !(pivot > least) {
+        let positive = pivot > least;
+        if !positive {
             definite = false;
             pivot = least;
         }
@@ -34,6 +35,20 @@ pub(crate) fn forward(l: &[f64], n: usize, v: &mut [f64]) {
     for i in 0..n {
         let row = &l[i * n..i * n + i + 1];
         v[i] = (v[i] - dot(&row[..i], &v[..i])) * row[i];
+    }
+}
+
+/// v ← L⁻¹ v for several right-hand sides at once.
+pub(crate) fn forward_block<const L: usize>(l: &[f64], n: usize, v: &mut [[f64; L]]) {
+    for i in 0..n {
+        let row = &l[i * n..i * n + i + 1];
+        let mut sum = v[i];
+        for (v, l) in v[..i].iter().zip(row) {
+            for lane in 0..L {
+                sum[lane] -= l * v[lane];
+            }
+        }
+        v[i] = sum.map(|v| v * row[i]);
     }
 }
 

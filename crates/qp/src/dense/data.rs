@@ -1,12 +1,13 @@
 //! The numbers of a dense problem, and products with them.
 
 use super::cholesky;
-use crate::equalities::{Equalities, Triangular, dot};
+use crate::equalities::{Equalities, LANES, Triangular, dot};
 use crate::interior_point::Program;
 use crate::scaling::{NaturalLength, Scaling, power_of_two};
 
 /// H and the general rows by rows, g, and the boxes. `bounds` and `weights` list the general rows
-/// first and then, in `sides`, each finite side of a box as a row of its own with a coefficient of ±1.
+/// first and then, in `sides`, each finite side of a box as a row of its own with a coefficient of
+/// ±1.
 #[derive(Debug, Clone)]
 pub(super) struct DenseData {
     pub unknowns: usize,
@@ -93,14 +94,14 @@ impl DenseData {
         self.weights.push(f64::INFINITY);
     }
 
-    /// Writes this problem, scaled ([`crate::scaling`]), into `scaled`. Returns whether every number of it is
-    /// finite and no diagonal entry of H negative.
+    /// Writes this problem, scaled ([`crate::scaling`]), into `scaled`. Returns whether every
+    /// number of it is finite and no diagonal entry of H negative.
     pub fn scale(&self, scaling: &mut Scaling, scaled: &mut Self) -> bool {
         let n = self.unknowns;
         scaled.clear_rows();
         for i in 0..n {
             let diagonal = self.hessian[i * n + i];
-            if !(diagonal >= 0.0) {
+            if diagonal < 0.0 || diagonal.is_nan() {
                 return false;
             }
             // an unknown without curvature takes its scale from the rows it is in
@@ -218,13 +219,22 @@ impl DenseFactor {
 }
 
 impl Triangular for DenseFactor {
-    fn forward(&self, v: &mut [f64], _: usize) {
+    fn forward(&self, v: &mut [f64]) {
         for (v, fixed) in v.iter_mut().zip(&self.fixed) {
             if *fixed {
                 *v = 0.0;
             }
         }
         cholesky::forward(&self.lower, self.unknowns, v);
+    }
+
+    fn forward_block(&self, v: &mut [[f64; LANES]], _: usize) {
+        for (v, fixed) in v.iter_mut().zip(&self.fixed) {
+            if *fixed {
+                *v = [0.0; LANES];
+            }
+        }
+        cholesky::forward_block(&self.lower, self.unknowns, v);
     }
 
     fn backward(&self, v: &mut [f64]) {

@@ -8,10 +8,10 @@
 //!                 A x = c                      (equalities)
 //! ```
 //!
-//! H is symmetric positive semidefinite; where it is singular the rows should hold x, or the solve ends
-//! as [`Status::Unbounded`](crate::Status::Unbounded) if the objective falls that way, and in *a* minimiser if it does
-//! not. A box of no width takes its unknown out of the problem: such a pair of rows has no
-//! interior for an interior point to be in.
+//! H is symmetric positive semidefinite; where it is singular the rows should hold x, or the solve
+//! ends as [`Status::Unbounded`](crate::Status::Unbounded) if the objective falls that way, and in
+//! *a* minimiser if it does not. A box of no width takes its unknown out of the problem: such a
+//! pair of rows has no interior for an interior point to be in.
 
 pub(crate) mod cholesky;
 mod data;
@@ -62,8 +62,8 @@ struct Capacity {
 }
 
 impl DenseQp {
-    /// The empty problem (H = 0, g = 0, no boxes) of `unknowns` unknowns, at least one, with room for `rows`
-    /// inequality rows and `equalities` equality rows.
+    /// The empty problem (H = 0, g = 0, no boxes) of `unknowns` unknowns, at least one, with room
+    /// for `rows` inequality rows and `equalities` equality rows.
     #[must_use]
     pub fn new(unknowns: usize, rows: usize, equalities: usize) -> Self {
         let n = unknowns.max(1);
@@ -174,8 +174,8 @@ impl DenseQp {
         Ok(index)
     }
 
-    /// Moves the bound of row `k`, whose coefficients stay: all that changes from tick to tick in linear
-    /// predictive control.
+    /// Moves the bound of row `k`, whose coefficients stay: all that changes from tick to tick in
+    /// linear predictive control.
     pub fn set_bound(&mut self, k: usize, bound: f64) -> Result<(), QpError> {
         finite("a row's bound", bound)?;
         if k >= self.rows() {
@@ -224,8 +224,8 @@ impl DenseQp {
         &self.answer.z[..general]
     }
 
-    /// Multiplier of every box: positive where the upper side holds x back, negative at the lower side; of
-    /// whatever sign where the box has no width.
+    /// Multiplier of every box: positive where the upper side holds x back, negative at the lower
+    /// side; of whatever sign where the box has no width.
     #[must_use]
     pub fn box_multipliers(&self) -> &[f64] {
         &self.box_multipliers

@@ -354,7 +354,8 @@ pub enum Flavour {
     Mixed,
 }
 
-/// A strictly convex problem with rows on windows of `window` unknowns, of which at least x₀ meets all that is hard.
+/// A strictly convex problem with rows on windows of `window` unknowns, of which at least x₀ meets
+/// all that is hard.
 pub fn random_case(
     chance: &mut Chance,
     n: usize,
@@ -412,33 +413,36 @@ pub fn random_case(
     case
 }
 
-/// Adds boxes around a point: wide, one-sided, infinite, and of no width.
-pub fn add_boxes(chance: &mut Chance, case: &mut Case, x0: &[f64], fixed: f64) {
-    case.boxes = x0
-        .iter()
-        .map(|&x| {
-            if chance.happens(fixed) {
-                return (x, x);
-            }
-            let lower = if chance.happens(0.3) {
-                f64::NEG_INFINITY
-            } else {
-                x - chance.between(0.0, 0.5)
-            };
-            let upper = if chance.happens(0.3) {
+/// A random case within boxes: wide, one-sided, absent, and of no width; hard rows and boxes share
+/// a point.
+pub fn boxed_case(chance: &mut Chance, n: usize, rows: usize, flavour: Flavour) -> Case {
+    let mut case = random_case(chance, n, n, rows, 0, flavour);
+    let x0: Vec<f64> = (0..n).map(|_| chance.between(-1.0, 1.0)).collect();
+    for row in case.rows.iter_mut().filter(|r| r.weight.is_infinite()) {
+        row.bound = row.times(&x0) + chance.between(-0.1, 0.5).max(0.0);
+    }
+    for &x in &x0 {
+        let side = |chance: &mut Chance| {
+            let apart = chance.between(0.0, 0.5);
+            if chance.happens(0.3) {
                 f64::INFINITY
             } else {
-                x + chance.between(0.0, 0.5)
-            };
-            (lower, upper)
-        })
-        .collect();
+                apart
+            }
+        };
+        case.boxes.push(if chance.happens(0.1) {
+            (x, x)
+        } else {
+            (x - side(chance), x + side(chance))
+        });
+    }
+    case
 }
 
-/// A smoothing spline among obstacles: `controls` control points in the plane, interleaved, of a uniform cubic
-/// B-spline along a winding line; squared speed over speed (length), squared third differences
-/// (curvature rate), a proximal term; `rows` clearance rows, of which about a third push; both
-/// end points and the direction at both ends given.
+/// A smoothing spline among obstacles: `controls` control points in the plane, interleaved, of a
+/// uniform cubic B-spline along a winding line; squared speed over speed (length), squared third
+/// differences (curvature rate), a proximal term; `rows` clearance rows, of which about a third
+/// push; both end points and the direction at both ends given.
 pub fn spline_case(chance: &mut Chance, controls: usize, rows: usize) -> Case {
     let (length, curvature_rate, price) = (1.0, 10.0, 20.0);
     let n = 2 * controls;
@@ -554,6 +558,27 @@ fn basis_slope(t: f64) -> [f64; 4] {
         -1.5 * t * t + t + 0.5,
         0.5 * t * t,
     ]
+}
+
+/// Compares an answer with the oracle's: optimal values to 1e-7, and x to 1e-6 where the oracle
+/// reaches its tolerance 1e-13. That sharp it has to be: at 1e-11 its own x, compared with itself
+/// at 1e-13, is off by up to 1e-5, since its gap is relative to an objective that contains the
+/// price of rows lost. Returns whether x was compared.
+pub fn assert_agreement(case: &Case, x: &[f64], what: &str) -> bool {
+    let sharp = case.oracle(1e-13);
+    let compare_x = sharp.status == SolverStatus::Solved;
+    let oracle = if compare_x { sharp } else { case.oracle(1e-8) };
+    assert_eq!(oracle.status, SolverStatus::Solved, "{what}: the oracle");
+    let (ours, theirs) = (case.objective(x), case.objective(&oracle.x));
+    assert!(
+        (ours - theirs).abs() <= 1e-7 * (1.0 + theirs.abs()),
+        "{what}: {ours} against {theirs}"
+    );
+    if compare_x {
+        let apart = difference(&oracle.x, x);
+        assert!(apart <= 1e-6, "{what}: x differs by {apart:e}");
+    }
+    compare_x
 }
 
 /// Largest difference of two vectors relative to 1 + the size of the first.
