@@ -23,6 +23,7 @@ pub mod params;
 pub mod pipeline;
 mod point_tree;
 pub mod problem;
+pub mod refine;
 pub mod report;
 pub mod rrt;
 pub mod rrt_star;
