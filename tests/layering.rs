@@ -6,8 +6,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Crate, and the crates of ours and the third-party room-mates it may name.
-const ALLOWED: [(&str, &[&str]); 7] = [
+const ALLOWED: [(&str, &[&str]); 8] = [
     ("geometry", &["nalgebra", "thiserror"]),
+    ("qp", &["nalgebra", "thiserror"]),
     (
         "world",
         &[
@@ -23,6 +24,7 @@ const ALLOWED: [(&str, &[&str]); 7] = [
     (
         "planner",
         &[
+            "bikebot-qp",
             "bikebot-geometry",
             "bikebot-world",
             "nalgebra",

@@ -89,7 +89,8 @@ impl Case {
     fn bent_guide(&self, seed: u64) -> Vec<Point2> {
         let guide = Polyline::new(self.guide(seed)).unwrap();
         let (checker, problem) = (self.checker(), self.problem());
-        let arc = |end, pose: &Pose2| {
+        let mut meter = Meter::new(&Budget::unlimited());
+        let mut arc = |end, pose: &Pose2| {
             end_arcs::find(
                 &guide,
                 end,
@@ -99,6 +100,7 @@ impl Case {
                 &|curve| {
                     curve.is_within_curvature(problem.max_curvature) && checker.is_curve_free(curve)
                 },
+                &mut meter,
             )
         };
         let start = arc(GuideEnd::Start, &self.scene.start);
