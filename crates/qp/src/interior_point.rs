@@ -410,8 +410,8 @@ impl InteriorPoint {
     }
 }
 
-/// Fraction of the way to the boundary a step may always go. 0.995 makes one random problem in a
-/// thousand cycle without converging, 0.99 none of 120 000.
+/// Fraction of the way to the boundary a step may always go. 0.995 makes one random problem in some
+/// five thousand cycle without converging, 0.99 none of 120 000.
 const CAUTIOUS_FRACTION: f64 = 0.99;
 /// The same when the predictor reached at least as far: saves one iteration at the end.
 const BOLD_FRACTION: f64 = 0.9999;
