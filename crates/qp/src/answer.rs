@@ -151,6 +151,6 @@ impl Answer {
 }
 
 /// A quantity that overflowed is infinite, never NaN.
-fn number(x: f64) -> f64 {
+pub(crate) fn number(x: f64) -> f64 {
     if x.is_nan() { f64::INFINITY } else { x }
 }

@@ -501,6 +501,27 @@ fn a_hessian_that_overflows_in_the_making_is_reported() {
     assert!(!summary.objective.is_nan() && !summary.gap.is_nan());
 }
 
+/// Found by chance: two rows that pull a fixed unknown either way with forces beyond the largest number left ∞ − ∞ as the
+/// multiplier of its box.
+#[test]
+fn rows_that_overflow_against_each_other_leave_no_nan_in_a_box_multiplier() {
+    let mut qp = DenseQp::new(4, 2, 0);
+    let mut h = [0.0; 16];
+    h[15] = 1.0;
+    qp.set_hessian(&h).unwrap();
+    qp.set_gradient(&[0.0, -8.552_931_541_423_038e153, 0.0, 0.0])
+        .unwrap();
+    for along in [-4.582_196_268_118_291e258, 1.216_841_008_844_951_6e184] {
+        qp.add_row(&[0.0, 0.0, along, 0.0], 0.0).unwrap();
+    }
+    for i in 0..4 {
+        qp.set_box(i, 0.0, 0.0).unwrap();
+    }
+    qp.solve(&settings());
+    assert_eq!(qp.x(), [0.0; 4]);
+    assert!(qp.box_multipliers().iter().all(|v| !v.is_nan()));
+}
+
 /// Any finite number at all, of any size.
 fn any_size() -> impl Strategy<Value = f64> {
     prop_oneof![

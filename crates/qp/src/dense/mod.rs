@@ -17,7 +17,7 @@ pub(crate) mod cholesky;
 mod data;
 
 use self::data::{DenseData, DenseFactor};
-use crate::answer::Answer;
+use crate::answer::{Answer, number};
 use crate::error::{QpError, finite, finite_values, positive_weight, room};
 use crate::interior_point::InteriorPoint;
 use crate::outcome::{Breakdown, Settings, Summary};
@@ -225,7 +225,7 @@ impl DenseQp {
     }
 
     /// Multiplier of every box: positive where the upper side holds x back, negative at the lower
-    /// side; of whatever sign where the box has no width.
+    /// side; of whatever sign where the box has no width, and infinite where it overflows.
     #[must_use]
     pub fn box_multipliers(&self) -> &[f64] {
         &self.box_multipliers
@@ -271,7 +271,7 @@ impl DenseQp {
             .enumerate()
         {
             *multiplier = if fixed.is_some() {
-                -self.answer.pull(i)
+                number(-self.answer.pull(i))
             } else {
                 0.0
             };
