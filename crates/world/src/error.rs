@@ -136,4 +136,26 @@ pub enum WorldError {
     /// The grid and the given bounds have no area in common.
     #[error("the grid lies outside the given field")]
     Disjoint,
+    /// A change names a cell the grid does not have, or there is no grid.
+    #[error(
+        "there is no cell in column {column}, row {row}: the grid has {width} by {height} cells"
+    )]
+    NoSuchCell {
+        /// Column named.
+        column: usize,
+        /// Row named.
+        row: usize,
+        /// Cells along x; 0 without a grid.
+        width: usize,
+        /// Cells along y; 0 without a grid.
+        height: usize,
+    },
+    /// A change takes away an obstacle that is not there.
+    #[error("there is no obstacle {obstacle} to take away: there are {count}, counted from 0")]
+    NoSuchObstacle {
+        /// Index named.
+        obstacle: usize,
+        /// Obstacles there are.
+        count: usize,
+    },
 }

@@ -5,6 +5,7 @@ use bikebot_geometry::{Point2, Pose2, Vector2};
 use crate::error::{MAX_COORDINATE, MAX_GRID_CELLS, MAX_GRID_SIDE, WorldError};
 use crate::grid_traversal::GridTraversal;
 use crate::obstacle::{Bounds, Obstacle};
+#[cfg(test)]
 use crate::primitive::{Corner, Edge};
 
 /// What is known about one cell.
@@ -372,6 +373,7 @@ impl OccupancyGrid {
     }
 
     /// Whether a cell is solid for a world; off the grid nothing is.
+    #[cfg(test)]
     pub(crate) fn is_solid(&self, x: isize, y: isize) -> bool {
         x >= 0
             && y >= 0
@@ -380,7 +382,9 @@ impl OccupancyGrid {
             && self.cells[y as usize * self.width + x as usize] != Cell::Free
     }
 
-    /// The boundary of all solid cells together, in maximal straight pieces, solid on the left.
+    /// The boundary of all solid cells together, in maximal straight pieces, solid on the left: what the tests hold the cells
+    /// themselves against.
+    #[cfg(test)]
     pub(crate) fn boundary(&self, shape: u32) -> Vec<Edge> {
         let (w, h) = (self.width as isize, self.height as isize);
         let vertex =
@@ -456,7 +460,7 @@ impl OccupancyGrid {
 
 /// Carries a run along a grid line to position `k`, where the boundary's sense is `now`; calls
 /// `ended(start, end, sense)` if that ends the run.
-#[inline]
+#[cfg(test)]
 fn advance(
     run: &mut Option<(isize, bool)>,
     k: isize,

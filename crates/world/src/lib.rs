@@ -16,6 +16,8 @@
 //!
 //! Frame: x right, y up, metres; angles in radians, counter-clockwise from +x.
 
+mod changes;
+mod clearance_block;
 mod clearance_field;
 mod error;
 mod field_edge;
@@ -27,8 +29,10 @@ pub mod map_text;
 mod obstacle;
 mod primitive;
 mod query;
+mod solid_cells;
 mod world;
 
+pub use changes::WorldChanges;
 pub use error::WorldError;
 pub use footprint::{Footprint, FootprintDisc, FootprintError};
 pub use grid::{Cell, CellRectangle, OccupancyGrid};

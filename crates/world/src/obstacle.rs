@@ -56,6 +56,14 @@ impl Bounds {
         nalgebra::center(&self.min, &self.max)
     }
 
+    /// Squared distance (m²) from `p` (m); 0 inside.
+    #[inline]
+    pub(crate) fn distance_squared(&self, p: Point2) -> f64 {
+        let dx = (self.min.x - p.x).max(p.x - self.max.x).max(0.0);
+        let dy = (self.min.y - p.y).max(p.y - self.max.y).max(0.0);
+        dx * dx + dy * dy
+    }
+
     /// Whether `p` (m) lies inside or on the edge.
     #[must_use]
     pub fn contains(&self, p: Point2) -> bool {

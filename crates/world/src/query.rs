@@ -4,7 +4,7 @@
 //! trees and the decomposition of polygons into convex parts. The distances themselves are the
 //! closed forms of [`crate::primitive`]: exact to rounding, also inside non-convex solids,
 //! where an iterative pair query would be good to 1e-6 m. The tests hold the two against each
-//! other.
+//! other. The cells of a grid are in no tree: [`crate::solid_cells`] answers for them.
 
 use std::sync::{Arc, OnceLock};
 
@@ -20,32 +20,71 @@ use crate::obstacle::{Bounds, Obstacle};
 use crate::primitive::{
     Corner, Edge, Primitive, inverse_direction, point_segment_distance_squared, ring_contains, slab,
 };
+use crate::solid_cells::{CellId, SolidCells};
 
 /// Boxes in the trees are this much larger (m) than what they hold, so that a ray through a
 /// common corner of two edges is not lost between two boxes without thickness.
 const BOX_MARGIN: f64 = 1e-9;
 
-/// One solid of the scene.
+/// A polygon of the scene.
 #[derive(Debug)]
+struct Polygon {
+    ring: Vec<Point2>,
+    /// Convex parts, made when a footprint first lies in the polygon.
+    parts: OnceLock<Vec<Vec<Point2>>>,
+}
+
+/// One solid of the scene.
+#[derive(Debug, Clone)]
 enum Solid {
     /// A block or disc: a primitive by itself.
     Primitive(u32),
     Polygon {
-        ring: Vec<Point2>,
-        /// Convex parts, made when a footprint first lies in the polygon.
-        parts: OnceLock<Vec<Vec<Point2>>>,
+        polygon: Arc<Polygon>,
+        /// Its edges among the primitives.
+        edges: (u32, u32),
     },
-    /// All solid cells of the grid together.
-    Grid(Arc<OccupancyGrid>),
+}
+
+impl Solid {
+    /// First and one past the last of its primitives.
+    fn primitives(&self) -> std::ops::Range<u32> {
+        match self {
+            Self::Primitive(index) => *index..index + 1,
+            Self::Polygon { edges, .. } => edges.0..edges.1,
+        }
+    }
+}
+
+/// What decides the clearance of a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Decider {
+    /// The field's edge, or whatever set the limit of the search.
+    Limit,
+    /// A primitive, by its index.
+    Primitive(u32),
+    /// A cell of the grid.
+    Cell(CellId),
+}
+
+/// A grid, all solid cells of which are one solid.
+#[derive(Debug, Clone)]
+struct GridSolid {
+    cells: Arc<OccupancyGrid>,
+    solid: SolidCells,
 }
 
 /// All solids, with the trees that find the ones that matter.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Scene {
     solids: Vec<Solid>,
+    /// Which of the solids each obstacle of the world is, in its order; those taken away are in no tree.
+    live: Vec<u32>,
+    live_primitives: usize,
     solid_tree: Bvh,
     primitives: Vec<Primitive>,
     tree: Bvh,
+    grid: Option<GridSolid>,
 }
 
 fn to_aabb(b: Bounds) -> Aabb {
@@ -78,51 +117,140 @@ fn node_gap_squared(node: &BvhNode, b: &Bounds) -> f64 {
 }
 
 impl Scene {
-    /// `obstacles` must be normalised: counter-clockwise simple polygons.
-    pub(crate) fn new(obstacles: Vec<Obstacle>, grid: Option<Arc<OccupancyGrid>>) -> Self {
-        let mut solids = Vec::with_capacity(obstacles.len() + 1);
-        let mut primitives = Vec::new();
-        let mut boxes = Vec::with_capacity(obstacles.len() + 1);
+    /// `obstacles` must be normalised: counter-clockwise simple polygons. `None` if `stop` said so before all was sorted.
+    pub(crate) fn new(
+        obstacles: Vec<Obstacle>,
+        grid: Option<Arc<OccupancyGrid>>,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Self> {
+        let mut scene = Self {
+            solids: Vec::with_capacity(obstacles.len()),
+            live: Vec::with_capacity(obstacles.len()),
+            live_primitives: 0,
+            solid_tree: Bvh::new(),
+            primitives: Vec::new(),
+            tree: Bvh::new(),
+            grid: None,
+        };
+        let mut boxes = Vec::with_capacity(obstacles.len());
         for obstacle in obstacles {
-            let Some(bounds) = obstacle.bounds() else {
-                continue;
-            };
-            let shape = solids.len() as u32;
-            let next = primitives.len() as u32;
-            boxes.push(to_aabb(bounds));
-            solids.push(match obstacle {
-                Obstacle::Disc { center, radius } => {
-                    primitives.push(Primitive::Disc { center, radius });
-                    Solid::Primitive(next)
-                }
-                Obstacle::Block { min, max } => {
-                    primitives.push(Primitive::Block { min, max });
-                    Solid::Primitive(next)
-                }
-                Obstacle::Polygon { vertices } => {
-                    primitives.extend(ring_edges(&vertices, shape).map(Primitive::Edge));
-                    Solid::Polygon {
+            boxes.extend(scene.push(obstacle).map(to_aabb));
+        }
+        let primitive_boxes: Vec<Aabb> = scene
+            .primitives
+            .iter()
+            .map(|p| to_aabb(p.bounds()))
+            .collect();
+        if stop() {
+            return None;
+        }
+        scene.solid_tree = build_tree(&boxes);
+        scene.tree = build_tree(&primitive_boxes);
+        if let Some(cells) = grid {
+            let solid = SolidCells::new(&cells, stop)?;
+            scene.grid = Some(GridSolid { cells, solid });
+        }
+        Some(scene)
+    }
+
+    /// Appends a solid and its primitives, but not to the trees; its extent, unless it has none.
+    fn push(&mut self, obstacle: Obstacle) -> Option<Bounds> {
+        let bounds = obstacle.bounds()?;
+        let shape = self.solids.len() as u32;
+        let next = self.primitives.len() as u32;
+        self.solids.push(match obstacle {
+            Obstacle::Disc { center, radius } => {
+                self.primitives.push(Primitive::Disc { center, radius });
+                Solid::Primitive(next)
+            }
+            Obstacle::Block { min, max } => {
+                self.primitives.push(Primitive::Block { min, max });
+                Solid::Primitive(next)
+            }
+            Obstacle::Polygon { vertices } => {
+                self.primitives
+                    .extend(ring_edges(&vertices, shape).map(Primitive::Edge));
+                Solid::Polygon {
+                    polygon: Arc::new(Polygon {
                         ring: vertices,
                         parts: OnceLock::new(),
-                    }
+                    }),
+                    edges: (next, self.primitives.len() as u32),
                 }
-            });
+            }
+        });
+        self.live.push(shape);
+        self.live_primitives += self.primitives.len() - next as usize;
+        Some(bounds)
+    }
+
+    /// Takes away the obstacles with these indices, ascending and without repetition, and adds others after the rest. The
+    /// primitives of all others keep their indices. The extents of what has changed go to `changed`.
+    pub(crate) fn change(
+        &mut self,
+        removed: &[usize],
+        added: Vec<Obstacle>,
+        changed: &mut Vec<Bounds>,
+    ) {
+        for &index in removed.iter().rev() {
+            let shape = self.live.remove(index);
+            self.solid_tree.remove(shape);
+            let mut corners = Vec::new();
+            for primitive in self.solids[shape as usize].primitives() {
+                let Bounds { min, max } = self.primitive(primitive).bounds();
+                corners.extend([min, max]);
+                self.tree.remove(primitive);
+                self.live_primitives -= 1;
+            }
+            changed.extend(Bounds::around(corners));
         }
-        if let Some(grid) = grid {
-            let edges = grid.boundary(solids.len() as u32);
-            if !edges.is_empty() {
-                boxes.push(to_aabb(grid.bounds()));
-                primitives.extend(edges.into_iter().map(Primitive::Edge));
-                solids.push(Solid::Grid(grid));
+        for obstacle in added {
+            let (shape, first) = (self.solids.len() as u32, self.primitives.len());
+            if let Some(bounds) = self.push(obstacle) {
+                self.solid_tree.insert(to_aabb(bounds), shape);
+                changed.push(bounds);
+            }
+            for index in first..self.primitives.len() {
+                let bounds = self.primitives[index].bounds();
+                self.tree.insert(to_aabb(bounds), index as u32);
             }
         }
-        let primitive_boxes: Vec<Aabb> = primitives.iter().map(|p| to_aabb(p.bounds())).collect();
-        Self {
-            solid_tree: build_tree(&boxes),
-            solids,
-            tree: build_tree(&primitive_boxes),
-            primitives,
+    }
+
+    /// Exchanges the grid for one that differs in these cells.
+    pub(crate) fn change_grid(&mut self, cells: Arc<OccupancyGrid>, changes: &[(usize, usize)]) {
+        if let Some(grid) = &mut self.grid {
+            for &(x, y) in changes {
+                let is_solid = cells.cell(x, y).is_some_and(|c| c != Cell::Free);
+                grid.solid.set(x, y, is_solid);
+            }
+            grid.cells = cells;
         }
+    }
+
+    /// Primitives of the obstacles that are there.
+    pub(crate) fn live_primitives(&self) -> usize {
+        self.live_primitives
+    }
+
+    /// Primitives of obstacles that were taken away, whose room is not yet used again.
+    pub(crate) fn dead_primitives(&self) -> usize {
+        self.primitives.len() - self.live_primitives
+    }
+
+    /// Bytes held on the heap, but for the vertices of polygons.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&*self.solids)
+            + size_of_val(&*self.primitives)
+            + size_of_val(&*self.live)
+            + self.tree.heap_memory_size()
+            + self.solid_tree.heap_memory_size()
+            + self.grid.as_ref().map_or(0, |g| g.solid.bytes())
+    }
+
+    /// The solid cells of the grid, if there is one.
+    pub(crate) fn solid_cells(&self) -> Option<&SolidCells> {
+        self.grid.as_ref().map(|g| &g.solid)
     }
 
     pub(crate) fn primitives(&self) -> &[Primitive] {
@@ -148,27 +276,18 @@ impl Scene {
         });
     }
 
-    /// Whether `p` lies in a polygon or grid; blocks and discs are for the caller to test.
-    fn ring_solid_contains(solid: &Solid, p: Point2) -> bool {
-        match solid {
-            Solid::Primitive(_) => false,
-            Solid::Polygon { ring, .. } => ring_contains(ring, p),
-            Solid::Grid(grid) => grid
-                .world_to_cell(p)
-                .is_some_and(|(x, y)| grid.is_solid(x as isize, y as isize)),
-        }
-    }
-
     /// Whether `p` lies inside any solid.
     pub(crate) fn contains(&self, p: Point2) -> bool {
-        let mut inside = false;
-        self.solids_near(&Bounds { min: p, max: p }, |_, solid| {
-            inside = match solid {
-                Solid::Primitive(index) => self.primitive(*index).distance(p) < 0.0,
-                other => Self::ring_solid_contains(other, p),
-            };
-            !inside
-        });
+        let mut inside = self.grid.as_ref().is_some_and(|g| g.solid.contains(p));
+        if !inside {
+            self.solids_near(&Bounds { min: p, max: p }, |_, solid| {
+                inside = match solid {
+                    Solid::Primitive(index) => self.primitive(*index).distance(p) < 0.0,
+                    Solid::Polygon { polygon, .. } => ring_contains(&polygon.ring, p),
+                };
+                !inside
+            });
+        }
         inside
     }
 
@@ -192,25 +311,42 @@ impl Scene {
     }
 
     /// The smaller of `limit` and the signed distance (m) from `p` to the nearest solid, and
-    /// the primitive that decides it (none if the limit does).
-    pub(crate) fn nearest(&self, p: Point2, limit: f64) -> (f64, Option<u32>) {
-        let mut best = (limit, None);
+    /// what decides it.
+    pub(crate) fn nearest(&self, p: Point2, limit: f64) -> (f64, Decider) {
+        let best = self.nearest_shape(p, limit);
+        let Some(grid) = &self.grid else {
+            return best;
+        };
+        let (distance, cell) = grid.solid.signed_distance(p, best.0, CellId::NONE);
+        if distance < best.0 {
+            (distance, Decider::Cell(cell))
+        } else {
+            best
+        }
+    }
+
+    /// [`Scene::nearest`] for the shapes alone.
+    pub(crate) fn nearest_shape(&self, p: Point2, limit: f64) -> (f64, Decider) {
+        let mut best = (limit, Decider::Limit);
+        if self.primitives.is_empty() {
+            return best;
+        }
         let mut inside = false;
         self.solids_near(&Bounds { min: p, max: p }, |shape, solid| {
             let (depth, decides) = match solid {
-                Solid::Primitive(index) => (self.primitive(*index).distance(p), Some(*index)),
-                other if Self::ring_solid_contains(other, p) => {
+                Solid::Primitive(index) => (self.primitive(*index).distance(p), *index),
+                Solid::Polygon { polygon, .. } if ring_contains(&polygon.ring, p) => {
                     match self.nearest_primitive(p, f64::INFINITY, Some(shape)) {
-                        Some((index, squared)) => (-squared.sqrt(), Some(index)),
+                        Some((index, squared)) => (-squared.sqrt(), index),
                         None => return true,
                     }
                 }
-                _ => return true,
+                Solid::Polygon { .. } => return true,
             };
             if depth <= 0.0 {
                 inside = true;
                 if depth < best.0 {
-                    best = (depth, decides);
+                    best = (depth, Decider::Primitive(decides));
                 }
             }
             true
@@ -219,9 +355,18 @@ impl Scene {
             && limit > 0.0
             && let Some((index, squared)) = self.nearest_primitive(p, limit, None)
         {
-            best = (squared.sqrt(), Some(index));
+            best = (squared.sqrt(), Decider::Primitive(index));
         }
         best
+    }
+
+    /// The point (m) of the boundary nearest to `p`, given what decides its clearance; `None` for a limit.
+    pub(crate) fn nearest_point(&self, p: Point2, decider: Decider) -> Option<Point2> {
+        match decider {
+            Decider::Limit => None,
+            Decider::Primitive(index) => Some(self.primitive(index).nearest_boundary_point(p)),
+            Decider::Cell(cell) => Some(self.grid.as_ref()?.solid.nearest_point(p, cell)),
+        }
     }
 
     /// Calls `visit` with every primitive whose box comes within `radius` (m) of `p`.
@@ -251,6 +396,15 @@ impl Scene {
         hint: &mut Option<u32>,
     ) -> Option<f64> {
         let mut best = None;
+        if let Some(grid) = &self.grid
+            && let Some(distance) = grid.solid.cast_ray(origin, direction, limit)
+        {
+            limit = distance;
+            best = Some(distance);
+        }
+        if self.primitives.is_empty() {
+            return best;
+        }
         if let Some(index) = *hint
             && let Some(distance) = self.primitive(index).ray_hit(origin, direction)
             && distance < limit
@@ -303,12 +457,24 @@ impl Scene {
             |node, _| node_gap_squared(node, &around),
             |leaf, _| Some(core_distance_squared(core.vertices(), self.primitive(leaf))),
         );
-        match nearest {
-            Some((_, 0.0)) => 0.0,
-            // Clear of every edge, the core can still lie in the midst of a solid.
-            _ if self.contains(core.vertices()[0]) => 0.0,
-            Some((_, squared)) => squared.sqrt(),
-            None => limit,
+        let mut least = nearest.map_or(limit * limit, |(_, squared)| squared);
+        let of_shapes = least;
+        if let Some(grid) = &self.grid
+            && least > 0.0
+        {
+            least = grid
+                .solid
+                .least_distance_squared(core.vertices(), least, |ring| {
+                    convex_distance_squared(core.vertices(), ring)
+                });
+        }
+        // Clear of every edge, the core can still lie in the midst of a solid.
+        if least == 0.0 || self.contains(core.vertices()[0]) {
+            0.0
+        } else if nearest.is_some() || least < of_shapes {
+            least.sqrt()
+        } else {
+            limit
         }
     }
 
@@ -334,12 +500,9 @@ impl Scene {
                     }
                     Primitive::Edge(_) => 0.0,
                 },
-                Solid::Polygon { ring, parts } => parts
-                    .get_or_init(|| convex_parts(ring))
-                    .iter()
-                    .map(|part| depth_in(part))
-                    .fold(0.0, f64::max),
-                Solid::Grid(grid) => grid_parts(grid, vertices)
+                Solid::Polygon { polygon, .. } => polygon
+                    .parts
+                    .get_or_init(|| convex_parts(&polygon.ring))
                     .iter()
                     .map(|part| depth_in(part))
                     .fold(0.0, f64::max),
@@ -347,6 +510,11 @@ impl Scene {
             deepest = deepest.max(depth);
             true
         });
+        if let Some(grid) = &self.grid {
+            for part in grid_parts(&grid.cells, vertices) {
+                deepest = deepest.max(depth_in(&part));
+            }
+        }
         deepest
     }
 }

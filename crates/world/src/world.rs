@@ -22,11 +22,11 @@ use crate::query::Scene;
 /// is the depth in the one that is deepest. All solid cells of a grid are one solid.
 #[derive(Debug)]
 pub struct World {
-    obstacles: Vec<Obstacle>,
-    grid: Option<Arc<OccupancyGrid>>,
-    edge: FieldEdge,
-    scene: Scene,
-    field: ClearanceField,
+    pub(crate) obstacles: Vec<Obstacle>,
+    pub(crate) grid: Option<Arc<OccupancyGrid>>,
+    pub(crate) edge: FieldEdge,
+    pub(crate) scene: Scene,
+    pub(crate) field: ClearanceField,
 }
 
 impl World {
@@ -62,6 +62,22 @@ impl World {
         obstacles: Vec<Obstacle>,
         grid: Option<OccupancyGrid>,
     ) -> Result<Self, WorldError> {
+        Self::build_unless(bounds, obstacles, grid, &|| false)
+            .map(|world| world.expect("a build that nobody stops is finished"))
+    }
+
+    /// [`World::build`], unless `stop` says so before it is done: then `None`. A large grid is gathered in pieces of some 0.1 ms,
+    /// with the question after each.
+    ///
+    /// # Errors
+    ///
+    /// As [`World::build`].
+    pub fn build_unless(
+        bounds: Bounds,
+        obstacles: Vec<Obstacle>,
+        grid: Option<OccupancyGrid>,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, WorldError> {
         bounds.check()?;
         let bounds = match &grid {
             None => bounds,
@@ -74,22 +90,44 @@ impl World {
                 common
             }
         };
-        let normalised = obstacles
-            .iter()
-            .enumerate()
-            .map(|(index, obstacle)| obstacle.normalised(index))
-            .collect::<Result<Vec<_>, _>>()?;
+        let mut normalised = Vec::with_capacity(obstacles.len());
+        for (index, obstacle) in obstacles.iter().enumerate() {
+            if stop() {
+                return Ok(None);
+            }
+            normalised.push(obstacle.normalised(index)?);
+        }
         let grid = grid.map(Arc::new);
         let edge = FieldEdge::new(bounds, grid.as_deref());
-        let scene = Scene::new(normalised, grid.clone());
-        let field = ClearanceField::new(&bounds, scene.primitives().len());
-        Ok(Self {
+        let Some(scene) = Scene::new(normalised, grid.clone(), stop) else {
+            return Ok(None);
+        };
+        let field = ClearanceField::new(&bounds, &scene);
+        Ok(Some(Self {
             obstacles,
             grid,
             edge,
             scene,
             field,
-        })
+        }))
+    }
+
+    /// Fills now what queries would fill as they come by, all of it; false if `stop` said so first, and what is done by then
+    /// stays done. It is asked every 0.1 ms or so. No answer depends on it, only how long the first ones take.
+    pub fn prepare(&self, stop: &dyn Fn() -> bool) -> bool {
+        self.field.fill(&self.scene, &self.edge, stop)
+    }
+
+    /// Bytes of memory held for answering, beside the obstacles and the grid as they were given.
+    #[must_use]
+    pub fn prepared_bytes(&self) -> usize {
+        self.scene.bytes() + self.field.bytes()
+    }
+
+    /// Cells of the clearance grid that are filled so far.
+    #[must_use]
+    pub fn prepared_cells(&self) -> usize {
+        self.field.filled_cells()
     }
 
     /// The field, m.
@@ -139,10 +177,10 @@ impl World {
     /// clearance of `p`. Inside an obstacle it is the nearest way out of it.
     #[must_use]
     pub fn nearest_obstacle_point(&self, p: Point2) -> Point2 {
-        match self.field.nearest(&self.scene, &self.edge, p).1 {
-            Some(index) => self.scene.primitives()[index as usize].nearest_boundary_point(p),
-            None => self.edge.nearest_point(p),
-        }
+        let (_, decider) = self.field.nearest(&self.scene, &self.edge, p);
+        self.scene
+            .nearest_point(p, decider)
+            .unwrap_or_else(|| self.edge.nearest_point(p))
     }
 
     /// Signed clearance (m) of a footprint: the distance of its nearest point to an obstacle or
@@ -277,19 +315,19 @@ impl World {
     /// Side (m) of the cells of the grid that speeds up [`World::clearance`].
     #[must_use]
     pub fn clearance_cell_size(&self) -> f64 {
-        self.field.cell_size()
+        self.field.layout().size
     }
 
     /// Columns and rows of that grid; it covers [`World::bounds`] from the lower-left corner.
     #[must_use]
     pub fn clearance_cells(&self) -> (usize, usize) {
-        (self.field.columns(), self.field.rows())
+        (self.field.layout().columns, self.field.layout().rows)
     }
 
     /// Column and row of the cell that holds `p` (m); `None` off the field.
     #[must_use]
     pub fn clearance_cell(&self, p: Point2) -> Option<(usize, usize)> {
-        self.field.locate(p)
+        self.field.layout().locate(p)
     }
 
     /// Centre (m) of a cell and its exact clearance (m), which every cell keeps.
@@ -300,13 +338,13 @@ impl World {
     #[must_use]
     pub fn clearance_cell_centre(&self, column: usize, row: usize) -> (Point2, f64) {
         assert!(
-            column < self.field.columns() && row < self.field.rows(),
+            column < self.field.layout().columns && row < self.field.layout().rows,
             "no such clearance cell"
         );
         let clearance = self
             .field
             .centre_clearance(&self.scene, &self.edge, column, row);
-        (self.field.centre(column, row), clearance)
+        (self.field.layout().centre(column, row), clearance)
     }
 }
 
