@@ -12,7 +12,10 @@ use crate::obstacle::Bounds;
 use crate::primitive::{block_distance, inverse_direction, slab};
 
 /// Cells along the side of a tile, and children along the side of a node.
-const SIDE: usize = 8;
+const SIDE: usize = 1 << SHIFT;
+
+/// log₂ of that.
+const SHIFT: usize = 3;
 
 /// Cells looked at between two questions to the stop condition while the bits are gathered: some 0.1 ms.
 const CELLS_BETWEEN_STOPS: usize = 1 << 17;
@@ -422,26 +425,47 @@ impl SolidCells {
         let reach = best.squared.sqrt();
         let mut level = 0;
         let mut size = SIDE as f64;
-        while size < reach && level + 1 < self.levels.len() {
+        while 2.0 * size < reach && level + 1 < self.levels.len() {
             level += 1;
             size *= SIDE as f64;
         }
         let nodes = &self.levels[level];
-        let span = |min: f64, max: f64, n: usize| {
-            // Casts saturate: a window off the grid is empty or clamped, and so is one without bound.
-            let first = ((min - reach) / size).floor().max(0.0) as usize;
-            let last = ((max + reach) / size).floor();
-            let end = if last < 0.0 {
+        let inverse = size.recip();
+        // Casts saturate: a window off the grid is empty or clamped, and so is one without bound.
+        let first = |min: f64| ((min - reach) * inverse) as usize;
+        let end = |max: f64, n: usize| {
+            let last = (max + reach) * inverse;
+            if last < 0.0 {
                 0
             } else {
-                (last as usize).saturating_add(1)
-            };
-            first..end.min(n)
+                n.min((last as usize).saturating_add(1))
+            }
         };
-        let columns = span(around.min.x, around.max.x, nodes.columns);
-        for row in span(around.min.y, around.max.y, nodes.rows) {
+        let columns = first(around.min.x)..end(around.max.x, nodes.columns);
+        let rows = first(around.min.y)..end(around.max.y, nodes.rows);
+        if level > 0 {
+            for row in rows {
+                for column in columns.clone() {
+                    self.descend::<SOLID>(level, column, row, around, best, leaf);
+                }
+            }
+            return;
+        }
+        let gap = |axis: usize, start: usize| {
+            let low = start as f64;
+            let gap = (low - around.max[axis])
+                .max(around.min[axis] - (low + size))
+                .max(0.0);
+            gap * gap
+        };
+        for row in rows {
+            let masks = &nodes.solid[row * nodes.columns..(row + 1) * nodes.columns];
+            let rise = gap(1, row * SIDE);
             for column in columns.clone() {
-                self.descend::<SOLID>(level, column, row, around, best, leaf);
+                let mask = if SOLID { masks[column] } else { !masks[column] };
+                if mask != 0 && rise + gap(0, column * SIDE) <= best.squared {
+                    leaf(column * SIDE, row * SIDE, mask, best);
+                }
             }
         }
     }
@@ -471,11 +495,14 @@ impl SolidCells {
         let child = |bit: usize| (column * SIDE + bit % SIDE, row * SIDE + bit / SIDE);
         let mut nearest = (f64::INFINITY, usize::MAX);
         let mut open = 0u64;
+        let near_columns = dx.iter().enumerate().fold(0u64, |near, (x, gap)| {
+            near | u64::from(*gap <= best.squared) << x
+        });
         for (y, gap) in dy.iter().enumerate() {
             if *gap > best.squared {
                 continue;
             }
-            let mut bits = mask >> (SIDE * y) & 0xFF;
+            let mut bits = mask >> (SIDE * y) & near_columns;
             while bits != 0 {
                 let x = bits.trailing_zeros() as usize;
                 bits &= bits - 1;
@@ -581,61 +608,54 @@ impl SolidCells {
         if !(enter <= leave && t < last) {
             return None;
         }
-        let at = |t: f64, axis: usize| {
-            let end = (size[axis] - 1) as f64;
-            (q[axis] + d[axis] * t).floor().clamp(0.0, end) as usize
-        };
+        // A cast saturates at 0, which is where a ray that begins on the edge begins.
+        let at = |t: f64, axis: usize| ((q[axis] + d[axis] * t) as usize).min(size[axis] - 1);
         let mut cell = [at(t, 0), at(t, 1)];
         let tiles = &self.levels[0];
         loop {
             let [x, y] = cell;
-            // The largest node around this cell with nothing in it is crossed at once.
-            let mut side = SIDE;
+            // The largest node around this cell with nothing in it is crossed at once; its side is a power of 2.
+            let mut shift = 0;
             let tile = tiles.solid[y / SIDE * tiles.columns + x / SIDE];
             if tile == 0 {
+                shift = SHIFT;
                 for level in &self.levels[1..] {
-                    let wider = side * SIDE;
-                    if level.solid[y / wider * level.columns + x / wider] != 0 {
+                    let wider = shift + SHIFT;
+                    if level.solid[(y >> wider) * level.columns + (x >> wider)] != 0 {
                         break;
                     }
-                    side = wider;
+                    shift = wider;
                 }
             } else if tile >> (y % SIDE * SIDE + x % SIDE) & 1 == 1 {
                 let distance = t * self.frame.resolution;
                 return (distance < limit).then_some(distance);
-            } else {
-                side = 1;
             }
             // Where the ray leaves that square.
             let mut exit = [f64::INFINITY; 2];
             for axis in 0..2 {
                 if d[axis] != 0.0 {
-                    let low = cell[axis] / side * side;
-                    let line = if d[axis] > 0.0 { low + side } else { low };
+                    let index = cell[axis] >> shift;
+                    let line = (index + usize::from(d[axis] > 0.0)) << shift;
                     exit[axis] = (line as f64 - q[axis]) * inverse[axis];
                 }
             }
             let (axis, other) = if exit[0] <= exit[1] { (0, 1) } else { (1, 0) };
             t = exit[axis].max(t);
-            // Written so that NaN ends it.
-            if !(t < last) {
+            if t >= last {
                 return None;
             }
-            let low = cell[axis] / side * side;
+            let low = cell[axis] >> shift << shift;
             cell[axis] = if d[axis] > 0.0 {
-                low + side
+                low + (1 << shift)
             } else {
-                match low.checked_sub(1) {
-                    Some(next) => next,
-                    None => return None,
-                }
+                low.checked_sub(1)?
             };
             if cell[axis] >= size[axis] {
                 return None;
             }
-            if side > 1 {
-                let low = cell[other] / side * side;
-                let end = (low + side).min(size[other]) - 1;
+            if shift > 0 {
+                let low = cell[other] >> shift << shift;
+                let end = (low + (1 << shift)).min(size[other]) - 1;
                 // It neither leaves the square through the other side nor turns back.
                 let (least, most) = if d[other] >= 0.0 {
                     (cell[other], end)
