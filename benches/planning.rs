@@ -91,9 +91,11 @@ fn rows(c: &mut Criterion) {
             ..table.clone()
         };
         let problem = problem(&yard, &params);
-        if method == Method::Paper {
-            group.sample_size(20);
-        }
+        group.sample_size(match method {
+            Method::LinearProgram | Method::MpcLinearProgram => 10,
+            Method::MpcLaplace | Method::Paper => 20,
+            _ => 100,
+        });
         group.bench_function(method.name(), |b| {
             b.iter(|| {
                 let report = plan(

@@ -27,6 +27,7 @@ const ALLOWED: [(&str, &[&str]); 8] = [
             "bikebot-qp",
             "bikebot-geometry",
             "bikebot-world",
+            "clarabel",
             "nalgebra",
             "rand",
             "rand_chacha",

@@ -5,6 +5,7 @@
 //! curvatures 1/m. Nothing here reads a clock, opens a file or draws from a global source of chance:
 //! equal inputs and an equal seed give an equal report, bit for bit.
 
+pub mod baseline;
 pub mod birrt;
 pub mod budget;
 pub mod chance;
@@ -43,7 +44,9 @@ pub use budget::{Budget, CutShort, Meter, StopReason};
 pub use error::{End, PlanError};
 pub use metrics::PathMetrics;
 pub use motion::MotionChecker;
-pub use params::{CostRule, Errata, GoalMode, Method, PlannerParams, TangentRule};
+pub use params::{
+    CostRule, Errata, GoalMode, GridParams, Method, MpcParams, PlannerParams, TangentRule,
+};
 pub use pipeline::{plan, plan_observed};
 pub use problem::{EndPose, GoalRegion, PlanningProblem};
 pub use report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};

@@ -12,6 +12,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
+    /// Streamline of a harmonic potential on a grid: the paper's "LP" read as Laplace potential. Ignores headings and curvature.
+    Laplace,
+    /// Flow of least cost on a grid: the paper's "LP" read as linear programme. Ignores headings and curvature.
+    LinearProgram,
     /// Rapidly-exploring random tree, no goal bias. Ignores headings and curvature.
     Rrt,
     /// RRT*, returning at the first arrival as the paper's row does. Ignores headings and curvature.
@@ -20,6 +24,10 @@ pub enum Method {
     Birrt,
     /// BiRRT and the shortcut: lines 1-5. Ignores headings and curvature.
     BirrtSmooth,
+    /// Model predictive control along the path of `laplace`. Respects headings and curvature, which is continuous.
+    MpcLaplace,
+    /// Model predictive control along the path of `linear_program`. Respects headings and curvature, which is continuous.
+    MpcLinearProgram,
     /// Algorithm 1: BiRRT, shortcut, RRT* in the corridor. Respects headings and curvature.
     #[default]
     Paper,
@@ -27,11 +35,15 @@ pub enum Method {
 
 impl Method {
     /// All methods, in the order of Table 2.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 9] = [
+        Self::Laplace,
+        Self::LinearProgram,
         Self::Rrt,
         Self::RrtStar,
         Self::Birrt,
         Self::BirrtSmooth,
+        Self::MpcLaplace,
+        Self::MpcLinearProgram,
         Self::Paper,
     ];
 
@@ -39,10 +51,14 @@ impl Method {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::Laplace => "laplace",
+            Self::LinearProgram => "linear_program",
             Self::Rrt => "rrt",
             Self::RrtStar => "rrt_star",
             Self::Birrt => "birrt",
             Self::BirrtSmooth => "birrt_smooth",
+            Self::MpcLaplace => "mpc_laplace",
+            Self::MpcLinearProgram => "mpc_linear_program",
             Self::Paper => "paper",
         }
     }
@@ -50,7 +66,19 @@ impl Method {
     /// Whether what it returns keeps to the curvature limit and the headings of the ends.
     #[must_use]
     pub fn is_curvature_limited(self) -> bool {
-        matches!(self, Self::Paper)
+        matches!(
+            self,
+            Self::MpcLaplace | Self::MpcLinearProgram | Self::Paper
+        )
+    }
+
+    /// Whether the seed makes no difference to what it returns.
+    #[must_use]
+    pub fn is_deterministic(self) -> bool {
+        matches!(
+            self,
+            Self::Laplace | Self::LinearProgram | Self::MpcLaplace | Self::MpcLinearProgram
+        )
     }
 }
 
@@ -163,7 +191,8 @@ impl Default for Errata {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PlannerParams {
-    /// Which planner: "rrt", "rrt_star", "birrt", "birrt_smooth" or "paper". Only "paper" respects headings and curvature.
+    /// Which planner: "laplace", "linear_program", "rrt", "rrt_star", "birrt", "birrt_smooth", "mpc_laplace",
+    /// "mpc_linear_program" or "paper". Only "paper" and those that begin with "mpc" respect headings and curvature.
     pub method: Method,
     /// Largest curvature of the path, 1/m: the inverse of the smallest turning radius (the paper's sigma_MAX).
     #[serde(rename = "max_curvature_per_m")]
@@ -263,6 +292,96 @@ pub struct PlannerParams {
     pub clearance_resolution_scales: f64,
     /// Slips of the printed algorithm, `true` where corrected.
     pub errata: Errata,
+    /// The grid of "laplace" and "linear_program", and of the references of the two "mpc" methods.
+    pub grid: GridParams,
+    /// The receding horizon of "mpc_laplace" and "mpc_linear_program".
+    pub mpc: MpcParams,
+}
+
+/// The grid of the methods that search one, `[planner.grid]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct GridParams {
+    /// Side of a cell, in units of scale_m. One cell is one metre on the yard of Table 2. Cells are wider where the field
+    /// would hold more of them than allowed, and halved where they show no way.
+    #[schemars(range(min = 1e-3, max = 1e4))]
+    pub cell_scales: f64,
+    /// Most cells. Time and memory of "laplace" grow with their square root to the third power, those of "linear_program" a little
+    /// faster than their number: 40000 take half a second and some seconds.
+    #[schemars(range(min = 4, max = 100_000))]
+    pub max_cells: u32,
+}
+
+impl GridParams {
+    /// How often cells may be halved.
+    pub const MOST_HALVINGS: usize = 3;
+}
+
+impl Default for GridParams {
+    /// The grid of Table 2's field.
+    fn default() -> Self {
+        Self {
+            cell_scales: 1.0,
+            max_cells: 40_000,
+        }
+    }
+}
+
+/// The receding horizon of model predictive control, `[planner.mpc]`. The paper prints none of these numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MpcParams {
+    /// Steps of a horizon (N). At 40 steps of 1 m a turn about a wall is seen before it begins.
+    #[schemars(range(min = 4, max = 1000))]
+    pub horizon_steps: u32,
+    /// Steps ridden before the next horizon is solved.
+    #[schemars(range(min = 1, max = 1000))]
+    pub applied_steps: u32,
+    /// Linearisations and quadratic programmes per horizon.
+    #[schemars(range(min = 1, max = 100))]
+    pub rounds: u32,
+    /// Length of a step, in units of scale_m.
+    #[schemars(range(min = 1e-3, max = 1e3))]
+    pub step_scales: f64,
+    /// How much faster than the steps the reference point runs ahead. Above 1 it draws the path tight around corners; from
+    /// about 1.3 on it runs away and the path circles.
+    #[schemars(range(min = 0.5, max = 2.0))]
+    pub lead: f64,
+    /// Weight of the squared distance from the reference, per scale_m², where squared curvature times scale_m² weighs 1.
+    #[schemars(range(min = 0.0, max = 1e9))]
+    pub position_weight: f64,
+    /// Weight of the squared rate of curvature, times scale_m⁴. More is smoother, and cuts less close to the reference.
+    #[schemars(range(min = 1e-6, max = 1e12))]
+    pub rate_weight: f64,
+    /// Price of length in the last horizon, which ends at the goal, per scale_m.
+    #[schemars(range(min = 0.0, max = 1e9))]
+    pub length_weight: f64,
+    /// Largest rate of curvature, per scale_m².
+    #[serde(rename = "max_curvature_rate_per_scale2")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
+    pub max_curvature_rate: f64,
+    /// Clearance the horizon tries to keep beyond margin_m, in units of scale_m: it looks twice per step, and a wall's
+    /// corner may stand between.
+    #[schemars(range(min = 0.0, max = 1e3))]
+    pub margin_scales: f64,
+}
+
+impl Default for MpcParams {
+    /// Settings that bring the row of Table 2 near what the paper prints.
+    fn default() -> Self {
+        Self {
+            horizon_steps: 40,
+            applied_steps: 3,
+            rounds: 2,
+            step_scales: 1.0,
+            lead: 1.15,
+            position_weight: 0.02,
+            rate_weight: 300.0,
+            length_weight: 1.0,
+            max_curvature_rate: 0.5,
+            margin_scales: 0.3,
+        }
+    }
 }
 
 impl Default for PlannerParams {
@@ -298,6 +417,8 @@ impl Default for PlannerParams {
             margin: 0.0,
             clearance_resolution_scales: 0.02,
             errata: Errata::corrected(),
+            grid: GridParams::default(),
+            mpc: MpcParams::default(),
         }
     }
 }
@@ -450,11 +571,44 @@ impl PlannerParams {
                 });
             }
         }
+        self.check_grid_and_mpc(&at_least)?;
         if self.near_limit == 0 {
             return Err(PlanError::InvalidParameter {
                 name: "near_limit",
                 value: 0.0,
                 expected: "1 or above, or no node ever has a parent",
+            });
+        }
+        Ok(())
+    }
+
+    fn check_grid_and_mpc(
+        &self,
+        at_least: &dyn Fn(&'static str, f64, bool) -> Result<(), PlanError>,
+    ) -> Result<(), PlanError> {
+        let (grid, mpc) = (&self.grid, &self.mpc);
+        for (name, value, positive) in [
+            ("grid.cell_scales", grid.cell_scales, true),
+            ("mpc.step_scales", mpc.step_scales, true),
+            ("mpc.lead", mpc.lead, true),
+            ("mpc.position_weight", mpc.position_weight, false),
+            ("mpc.rate_weight", mpc.rate_weight, true),
+            ("mpc.length_weight", mpc.length_weight, false),
+            (
+                "mpc.max_curvature_rate_per_scale2",
+                mpc.max_curvature_rate,
+                true,
+            ),
+            ("mpc.margin_scales", mpc.margin_scales, false),
+            ("mpc.horizon_steps", f64::from(mpc.horizon_steps), true),
+        ] {
+            at_least(name, value, positive)?;
+        }
+        if !(4..=100_000).contains(&grid.max_cells) {
+            return Err(PlanError::InvalidParameter {
+                name: "grid.max_cells",
+                value: f64::from(grid.max_cells),
+                expected: "a number from 4 to 100000",
             });
         }
         Ok(())

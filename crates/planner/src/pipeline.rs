@@ -6,10 +6,13 @@
 //! | [`shortcut::apply`] | 5     | heading, curvature | a shorter polyline        |
 //! | [`taut::pull`]      | –     | heading, curvature | the same, tight (a switch) |
 //! | [`corridor::search`] | 6–38 | nothing            | curves the bike can track |
+//! | [`baseline::way`]   | –     | heading, curvature | a polyline found on a grid |
+//! | [`baseline::mpc::track`] | – | nothing           | curves of continuous curvature |
 //!
 //! Stages that ignore heading plan for the largest disc about the footprint's reference point: what that disc cannot
 //! do, the footprint cannot. Where the listing is silent or ambiguous we chose; see [`PlannerParams`].
 
+use crate::baseline::{self, GridSearch, NoWay};
 use crate::birrt;
 use crate::budget::{Budget, CutShort, Meter};
 use crate::chance::{Chance, Purpose};
@@ -120,6 +123,42 @@ impl Run<'_, '_, '_> {
                 Err(end) => (end, None),
             },
             Method::Paper => self.paper(),
+            Method::Laplace
+            | Method::LinearProgram
+            | Method::MpcLaplace
+            | Method::MpcLinearProgram => self.baseline(),
+        }
+    }
+
+    /// A search on a grid, and for the methods that keep to the curvature limit a receding horizon along what it found.
+    fn baseline(&mut self) -> (End, Option<PlannedPath>) {
+        let Some(search) = GridSearch::of(self.params.method) else {
+            return (End::NoWay, None);
+        };
+        let ends = [self.problem.start.position, self.problem.goal.position];
+        let way = baseline::way(search, &self.discs, ends, self.params, &mut self.meter);
+        let reference = match way {
+            Ok(reference) => reference,
+            Err(NoWay::Disconnected) => return (End::Disconnected, None),
+            Err(NoWay::NotFound) => return (End::NoWay, None),
+        };
+        self.stages.coarse = Some(reference.clone());
+        self.note_polyline(Stage::Grid, reference.vertices());
+        if !self.params.method.is_curvature_limited() {
+            return (End::Found, Some(PlannedPath::Polyline(reference)));
+        }
+        let (problem, params) = (self.problem, self.params);
+        let path =
+            baseline::mpc::track(problem, params, &self.checker, &reference, &mut self.meter);
+        self.stages.guide = Some(reference);
+        match path {
+            Some(path) => {
+                let length = path.length();
+                let bending = params.curvature_weight * path.bending() / (length * length);
+                self.note(Stage::Mpc, length, params.length_weight * length + bending);
+                (End::Found, Some(PlannedPath::Curves(path)))
+            }
+            None => (End::NoCurve, None),
         }
     }
 
@@ -192,7 +231,7 @@ impl Run<'_, '_, '_> {
         let (stage, purpose) = match self.params.method {
             Method::Rrt => (Stage::Rrt, Purpose::Rrt),
             Method::RrtStar => (Stage::RrtStar, Purpose::RrtStar),
-            Method::Birrt | Method::BirrtSmooth | Method::Paper => (Stage::Birrt, Purpose::Birrt),
+            _ => (Stage::Birrt, Purpose::Birrt),
         };
         let query = PointQuery {
             checker: &self.discs,

@@ -55,6 +55,10 @@ pub enum Stage {
     Taut,
     /// RRT* in the corridor.
     Corridor,
+    /// A search on a grid: the potential's streamline or the linear programme's flow.
+    Grid,
+    /// Model predictive control.
+    Mpc,
 }
 
 /// One step forward of the search: a stage's product, or a better path within a stage.
