@@ -53,10 +53,10 @@ impl<'w> MotionChecker<'w> {
         Self {
             world,
             round,
-            inscribed: inscribed_radius(footprint),
+            inscribed: footprint.inscribed_radius(),
             reach: footprint.reach(),
             discs: footprint.discs(),
-            footprint: *footprint,
+            footprint: footprint.clone(),
             margin,
             resolution,
         }
@@ -158,10 +158,13 @@ impl<'w> MotionChecker<'w> {
             return self.world.clearance(p) - radius;
         }
         let direction = pose.direction();
+        let left = Vector2::new(-direction.y, direction.x);
         let cover = |clearance: &dyn Fn(Point2) -> f64| {
             self.discs
                 .iter()
-                .map(|disc| clearance(p + direction * disc.offset) - disc.radius)
+                .map(|disc| {
+                    clearance(p + direction * disc.offset + left * disc.lateral) - disc.radius
+                })
                 .fold(f64::INFINITY, |least, c| {
                     if c < least || c.is_nan() { c } else { least }
                 })
@@ -336,27 +339,6 @@ fn clearance_between(a: f64, b: f64, chord: f64) -> f64 {
         return b;
     }
     ((a - x) * (a + x)).max(0.0).sqrt()
-}
-
-/// Radius of the largest disc about the reference point that a footprint contains, m; 0 if the point lies outside.
-#[must_use]
-pub fn inscribed_radius(footprint: &Footprint) -> f64 {
-    match footprint {
-        Footprint::Point => 0.0,
-        Footprint::Disc { radius } => *radius,
-        Footprint::Capsule {
-            rear,
-            front,
-            radius,
-        } => (radius - rear.max(-front).max(0.0)).max(0.0),
-        Footprint::Rectangle {
-            rear,
-            front,
-            half_width,
-        } => half_width.min(-rear).min(*front).max(0.0),
-        // A shape not known here: its reference point is all that can be said to be inside.
-        _ => 0.0,
-    }
 }
 
 /// A motion over the parameter interval [0, 1].

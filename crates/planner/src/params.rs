@@ -202,8 +202,10 @@ pub struct PlannerParams {
     #[serde(rename = "scale_m")]
     #[schemars(range(min = 1e-6, max = 1e6))]
     pub scale: f64,
-    /// Outline that must fit: "bike" (the bike's own), "point", "disc:0.4" (radius), "capsule:1.8x0.6" or "box:1.8x0.6"
-    /// (length x width, m).
+    /// Outline that must fit: "bike" (the bike's own), "point", "disc:0.4" (radius), "capsule:1.8x0.6", "box:1.8x0.6"
+    /// (length x width, m), or the vertices of a simple polygon, m, [[x, y], …] with x forward and the reference point at 0, 0.
+    #[serde(deserialize_with = "footprint_text")]
+    #[schemars(schema_with = "footprint_schema")]
     pub footprint: String,
     /// Iterations of RRT* in the corridor (the paper's n). Table 1 leaves it out; at 3000 the cost has settled on the yard.
     #[schemars(range(min = 1, max = 1_000_000_000))]
@@ -421,6 +423,42 @@ impl Default for PlannerParams {
             mpc: MpcParams::default(),
         }
     }
+}
+
+/// Vertices become the text that [`Footprint`] reads, so that a footprint is one thing wherever it is named.
+fn footprint_text<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Written {
+        Text(String),
+        Vertices(Vec<[f64; 2]>),
+    }
+    Ok(match Written::deserialize(deserializer)? {
+        Written::Text(text) => text,
+        Written::Vertices(vertices) => {
+            let pairs: Vec<String> = vertices.iter().map(|[x, y]| format!("{x},{y}")).collect();
+            format!("polygon:{}", pairs.join(";"))
+        }
+    })
+}
+
+fn footprint_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    schemars::json_schema!({
+        "anyOf": [
+            { "type": "string" },
+            {
+                "type": "array",
+                "minItems": 3,
+                "maxItems": 256,
+                "items": {
+                    "type": "array",
+                    "minItems": 2,
+                    "maxItems": 2,
+                    "items": { "type": "number", "minimum": -1e6, "maximum": 1e6 }
+                }
+            }
+        ]
+    })
 }
 
 impl PlannerParams {

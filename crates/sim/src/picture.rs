@@ -6,9 +6,9 @@ use crate::record::{
     RecordError, Recorder, Shape,
 };
 use crate::setup::Setup;
-use bikebot_geometry::{CurvePath, Point2, Pose2};
+use bikebot_geometry::{CurvePath, Point2, Pose2, angle};
 use bikebot_planner::PlanReport;
-use bikebot_world::{Cell, Footprint, Obstacle};
+use bikebot_world::{Cell, Footprint, FootprintPolygon, Obstacle};
 
 /// Spacing of the recorded path, m.
 const PATH_STEP: f64 = 0.05;
@@ -144,6 +144,43 @@ fn cell_state(cell: Cell) -> CellState {
     }
 }
 
+/// The outline of a polygon with a radius about it: arcs at its convex corners, at the others where the two sides meet.
+fn rounded(polygon: &FootprintPolygon) -> Vec<[f64; 2]> {
+    let (corners, radius) = (polygon.vertices(), polygon.rounding());
+    if radius == 0.0 {
+        return corners.iter().map(|v| [v.x, v.y]).collect();
+    }
+    let n = corners.len();
+    // Outward normal of the side after corner i, as an angle.
+    let normal = |i: usize| {
+        let side = corners[(i + 1) % n] - corners[i % n];
+        (-side.x).atan2(side.y)
+    };
+    let mut points = Vec::new();
+    for (i, corner) in corners.iter().enumerate() {
+        let from = normal(i + n - 1);
+        let turn = angle::wrap(normal(i) - from);
+        let (steps, reach) = if turn > 0.0 {
+            (
+                (turn / std::f64::consts::PI * ROUND as f64).ceil() as usize,
+                radius,
+            )
+        } else {
+            (0, radius / (0.5 * turn).cos())
+        };
+        for k in 0..=steps {
+            let part = if steps == 0 {
+                0.5
+            } else {
+                k as f64 / steps as f64
+            };
+            let (sin, cos) = (from + turn * part).sin_cos();
+            points.push([corner.x + reach * cos, corner.y + reach * sin]);
+        }
+    }
+    points
+}
+
 /// Corners of a footprint in the bike's frame, counter-clockwise, m.
 fn outline(footprint: &Footprint) -> Vec<[f64; 2]> {
     let arc = |x: f64, radius: f64, from: f64, to: f64| {
@@ -174,11 +211,43 @@ fn outline(footprint: &Footprint) -> Vec<[f64; 2]> {
             [*front, *half_width],
             [*rear, *half_width],
         ],
+        Footprint::Polygon(polygon) => rounded(polygon),
         // Outlines added to `world` later are drawn as the discs that cover them.
         other => other
             .discs()
             .iter()
-            .flat_map(|disc| arc(disc.offset, disc.radius, -PI, PI).skip(1))
+            .flat_map(|disc| {
+                let centre = [disc.offset, disc.lateral];
+                arc(0.0, disc.radius, -PI, PI)
+                    .skip(1)
+                    .map(move |[x, y]| [x + centre[0], y + centre[1]])
+            })
             .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rounded_polygon_is_drawn_at_its_radius() {
+        let l: Footprint = "polygon:0,0;3,0;3,1;1,1;1,2;0,2~0.25".parse().unwrap();
+        let drawn = outline(&l);
+        let Footprint::Polygon(polygon) = &l else {
+            panic!("{l}")
+        };
+        let corners = polygon.vertices();
+        for [x, y] in drawn {
+            let p = Point2::new(x, y);
+            let distance = (0..corners.len())
+                .map(|i| {
+                    let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+                    let along = ((p - a).dot(&(b - a)) / (b - a).norm_squared()).clamp(0.0, 1.0);
+                    (p - (a + (b - a) * along)).norm()
+                })
+                .fold(f64::INFINITY, f64::min);
+            assert!((distance - 0.25).abs() < 1e-12, "{p} {distance}");
+        }
     }
 }

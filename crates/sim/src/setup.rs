@@ -157,7 +157,7 @@ impl Setup {
     pub fn problem(&self) -> Option<PlanningProblem<'_>> {
         Some(PlanningProblem {
             world: self.world.as_ref()?,
-            footprint: self.planning_footprint,
+            footprint: self.planning_footprint.clone(),
             start: self.start_pose?,
             goal: self.goal?,
             max_curvature: self.planner.max_curvature,
@@ -794,7 +794,7 @@ impl Resolver<'_> {
                 return self.refuse(
                     "planner.footprint",
                     format!("`planner.footprint` is \"{written}\": {}", error.problem),
-                    "it may be \"bike\", \"point\", \"disc:0.4\", \"capsule:1.8x0.6\" or \"box:1.8x0.6\"",
+                    "it may be \"bike\", \"point\", \"disc:0.4\", \"capsule:1.8x0.6\", \"box:1.8x0.6\" or vertices, [[x, y], …]",
                 );
             }
         };
@@ -804,7 +804,7 @@ impl Resolver<'_> {
                 0.5 * self.scenario.follow.look_ahead.powi(2) * self.scenario.planner.max_curvature,
             )
         } else {
-            footprint
+            footprint.clone()
         };
         Ok((footprint, planning))
     }

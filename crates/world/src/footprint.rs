@@ -1,9 +1,15 @@
-//! The outline that must fit: a point, disc, capsule or rectangle carried by a pose.
+//! The outline that must fit: a point, disc, capsule, rectangle or polygon carried by a pose.
+
+mod disc_cover;
+mod polygon;
 
 use std::fmt;
 use std::str::FromStr;
 
 use bikebot_geometry::{Point2, Pose2};
+
+pub use polygon::FootprintPolygon;
+use polygon::MOST_CORNERS;
 
 /// Most discs a cover may have; a very slender shape gets larger discs instead of more.
 const MAX_DISCS: usize = 16;
@@ -12,7 +18,7 @@ const MAX_DISCS: usize = 16;
 const MAX_DIMENSION: f64 = 1e6;
 
 /// The ground a robot occupies, in its body frame: reference point at the origin, x forward.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "String", into = "String")]
 #[non_exhaustive]
 pub enum Footprint {
@@ -41,18 +47,32 @@ pub enum Footprint {
         /// Half the extent across, m.
         half_width: f64,
     },
+    /// Any simple outline, convex or not.
+    Polygon(FootprintPolygon),
 }
 
-/// One disc of a cover, centred on the body's x axis.
+/// One disc of a cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FootprintDisc {
     /// x of the centre in the body frame, m.
     pub offset: f64,
+    /// y of the centre in the body frame, m; 0 but for polygons.
+    pub lateral: f64,
     /// m.
     pub radius: f64,
 }
 
 impl Footprint {
+    /// The simple polygon with these vertices, m, in the body frame: either orientation, convex or not, the last vertex joins the
+    /// first.
+    ///
+    /// # Errors
+    ///
+    /// See [`FootprintPolygon::new`].
+    pub fn polygon(vertices: &[Point2]) -> Result<Self, FootprintError> {
+        FootprintPolygon::new(vertices).map(Self::Polygon)
+    }
+
     /// The default bike seen from the rear contact: axis from −0.04 m to 1.16 m, radius 0.30 m.
     #[must_use]
     pub const fn bike() -> Self {
@@ -64,33 +84,31 @@ impl Footprint {
     }
 
     /// Checks that the numbers of a footprint put together by hand describe a shape: finite, at most
-    /// 1e6 m, no negative radius or width, the rear not ahead of the front.
+    /// 2e6 m, of a radius or width above 0, the rear not ahead of the front.
     ///
     /// # Errors
     ///
-    /// What is wrong, and the numbers found. A footprint read from text has passed already.
+    /// What is wrong, and the numbers found. A footprint read from text has passed already, and so has every polygon.
     pub fn check(&self) -> Result<(), FootprintError> {
         let (numbers, is_shape) = match *self {
             Self::Point => ([0.0; 3], true),
-            Self::Disc { radius } => ([radius, 0.0, 0.0], radius >= 0.0),
+            Self::Disc { radius } => ([radius, 0.0, 0.0], radius > 0.0),
             Self::Capsule {
                 rear,
                 front,
                 radius,
-            } => ([rear, front, radius], rear <= front && radius >= 0.0),
+            } => ([rear, front, radius], rear <= front && radius > 0.0),
             Self::Rectangle {
                 rear,
                 front,
                 half_width,
-            } => (
-                [rear, front, half_width],
-                rear <= front && half_width >= 0.0,
-            ),
+            } => ([rear, front, half_width], rear < front && half_width > 0.0),
+            Self::Polygon(ref polygon) => ([polygon.rounding(), 0.0, 0.0], true),
         };
-        let fail = |problem| {
+        let fail = |problem: &str| {
             Err(FootprintError {
                 found: format!("{self:?}"),
-                problem,
+                problem: problem.to_owned(),
             })
         };
         // Twice the limit of the text form, whose centre and half length add up. NaN is not below it.
@@ -98,21 +116,19 @@ impl Footprint {
             return fail("each number must be finite and at most 2e6 m");
         }
         if !is_shape {
-            return fail(
-                "a radius or half width is 0 or above, and the rear is not ahead of the front",
-            );
+            return fail("length, width and radius must be above 0 (a disc of radius 0 is Point)");
         }
         Ok(())
     }
 
     /// A footprint that contains every point within `by` (m) of this one.
     ///
-    /// Exact for point, disc and capsule; a rectangle keeps its corners square, which adds
+    /// Exact for point, disc, capsule and polygon; a rectangle keeps its corners square, which adds
     /// up to 0.41 `by` there. A negative or non-finite `by` changes nothing.
     #[must_use]
     pub fn grown(&self, by: f64) -> Self {
         if !(by > 0.0 && by.is_finite()) {
-            return *self;
+            return self.clone();
         }
         match *self {
             Self::Point => Self::Disc { radius: by },
@@ -137,6 +153,7 @@ impl Footprint {
                 front: front + by,
                 half_width: half_width + by,
             },
+            Self::Polygon(ref polygon) => Self::Polygon(polygon.grown(by)),
         }
     }
 
@@ -158,10 +175,33 @@ impl Footprint {
                 front,
                 half_width,
             } => rear.abs().max(front.abs()).hypot(half_width),
+            Self::Polygon(ref polygon) => polygon.reach(),
         }
     }
 
-    /// Discs on the body's x axis whose union contains the footprint, rear to front.
+    /// Radius of the largest disc about the reference point that the footprint contains, m; 0 if the point lies outside.
+    #[must_use]
+    pub fn inscribed_radius(&self) -> f64 {
+        match *self {
+            Self::Point => 0.0,
+            Self::Disc { radius } => radius,
+            Self::Capsule {
+                rear,
+                front,
+                radius,
+            } => (radius - rear.max(-front).max(0.0)).max(0.0),
+            Self::Rectangle {
+                rear,
+                front,
+                half_width,
+            } => half_width.min(-rear).min(front).max(0.0),
+            Self::Polygon(ref polygon) => polygon.inscribed_radius(),
+        }
+    }
+
+    /// Discs whose union contains the footprint, rear to front; on the body's x axis but for polygons.
+    ///
+    /// Those of a polygon stick out by a tenth of its width at most, unless it is so slender that 32 are not enough.
     ///
     /// For a capsule the outer discs touch its ends from within, and neighbours meet at its
     /// full width half-way between their centres; with n discs on an axis of length L and
@@ -171,10 +211,12 @@ impl Footprint {
         match *self {
             Self::Point => vec![FootprintDisc {
                 offset: 0.0,
+                lateral: 0.0,
                 radius: 0.0,
             }],
             Self::Disc { radius } => vec![FootprintDisc {
                 offset: 0.0,
+                lateral: 0.0,
                 radius,
             }],
             Self::Capsule {
@@ -186,6 +228,7 @@ impl Footprint {
                 if length <= 0.0 {
                     return vec![FootprintDisc {
                         offset: rear,
+                        lateral: 0.0,
                         radius,
                     }];
                 }
@@ -201,6 +244,7 @@ impl Footprint {
                 (0..=gaps)
                     .map(|i| FootprintDisc {
                         offset: rear + excess + spacing * i as f64,
+                        lateral: 0.0,
                         radius: cover,
                     })
                     .collect()
@@ -217,60 +261,83 @@ impl Footprint {
                 (0..discs)
                     .map(|i| FootprintDisc {
                         offset: rear + spacing * (i as f64 + 0.5),
+                        lateral: 0.0,
                         radius: cover,
                     })
                     .collect()
             }
+            Self::Polygon(ref polygon) => polygon.discs(),
         }
     }
 
-    /// The footprint as a convex core and a radius about it: 1, 2 or 4 vertices in the world
-    /// frame (counter-clockwise), and m.
-    pub(crate) fn core(&self, pose: &Pose2) -> Core {
+    /// The footprint at a pose as convex cores with a radius about each, in the world frame: one, or the convex parts of a
+    /// polygon.
+    pub(crate) fn cores(&self, pose: &Pose2) -> impl Iterator<Item = Core> {
+        let parts = match self {
+            Self::Polygon(polygon) => polygon.parts().len(),
+            _ => 1,
+        };
+        (0..parts).map(move |part| self.core(pose, part))
+    }
+
+    fn core(&self, pose: &Pose2, part: usize) -> Core {
         let at = |x: f64, y: f64| pose.transform(Point2::new(x, y));
-        let reference = pose.position;
         match *self {
-            Self::Point => Core::new([reference; 4], 1, 0.0),
-            Self::Disc { radius } => Core::new([reference; 4], 1, radius),
+            Self::Point => Core::new(&[pose.position], 0.0),
+            Self::Disc { radius } => Core::new(&[pose.position], radius),
             Self::Capsule {
                 rear,
                 front,
                 radius,
             } => {
-                let (a, b) = (at(rear, 0.0), at(front, 0.0));
-                Core::new([a, b, a, b], if a == b { 1 } else { 2 }, radius)
+                let axis = [at(rear, 0.0), at(front, 0.0)];
+                let count = if axis[0] == axis[1] { 1 } else { 2 };
+                Core::new(&axis[..count], radius)
             }
             Self::Rectangle {
                 rear,
                 front,
                 half_width,
             } => Core::new(
-                [
+                &[
                     at(rear, -half_width),
                     at(front, -half_width),
                     at(front, half_width),
                     at(rear, half_width),
                 ],
-                4,
                 0.0,
             ),
+            Self::Polygon(ref polygon) => {
+                let mut core = Core::new(&polygon.parts()[part], polygon.rounding());
+                let (sin, cos) = pose.heading.sin_cos();
+                for v in &mut core.vertices[..core.count] {
+                    *v = Point2::new(
+                        pose.position.x + cos * v.x - sin * v.y,
+                        pose.position.y + sin * v.x + cos * v.y,
+                    );
+                }
+                core
+            }
         }
     }
 }
 
-/// A convex core with up to four vertices, and the radius (m) about it.
+/// A convex core of a few vertices (1, 2, or more and then counter-clockwise), and the radius (m) about it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Core {
-    vertices: [Point2; 4],
+    vertices: [Point2; MOST_CORNERS],
     count: usize,
     pub(crate) radius: f64,
 }
 
 impl Core {
-    fn new(vertices: [Point2; 4], count: usize, radius: f64) -> Self {
+    /// `corners` are at most [`MOST_CORNERS`].
+    fn new(corners: &[Point2], radius: f64) -> Self {
+        let mut vertices = [Point2::origin(); MOST_CORNERS];
+        vertices[..corners.len()].copy_from_slice(corners);
         Self {
             vertices,
-            count,
+            count: corners.len(),
             radius,
         }
     }
@@ -279,7 +346,7 @@ impl Core {
         &self.vertices[..self.count]
     }
 
-    /// A point of the core half-way along its diagonal (m).
+    /// A point of the core half-way along a diagonal (m).
     pub(crate) fn middle(&self) -> Point2 {
         nalgebra::center(&self.vertices[0], &self.vertices[self.count / 2])
     }
@@ -299,25 +366,25 @@ fn count(length: f64, piece: f64, most: usize) -> usize {
 /// A footprint that cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "footprint \"{found}\": {problem}; write bike, point, disc:0.4 (radius), capsule:1.8x0.6 or box:1.8x0.6 (length x width in metres, centred; @0.56 after it moves the centre forward)"
+    "footprint \"{found}\": {problem}; write bike, point, disc:0.4 (radius), capsule:1.8x0.6 or box:1.8x0.6 (length x width in metres, centred; @0.56 after it moves the centre forward), or polygon:0,0;1,0;0,1 (vertices; ~0.1 after them adds that much all around)"
 )]
 pub struct FootprintError {
     /// The text given.
     pub found: String,
     /// What is wrong with it.
-    pub problem: &'static str,
+    pub problem: String,
 }
 
 impl FromStr for Footprint {
     type Err = FootprintError;
 
     fn from_str(text: &str) -> Result<Self, FootprintError> {
-        let fail = |problem| FootprintError {
+        let fail = |problem: &str| FootprintError {
             found: text.chars().take(80).collect(),
-            problem,
+            problem: problem.to_owned(),
         };
         let trimmed = text.trim();
-        let number = |s: &str, problem| {
+        let number = |s: &str, problem: &str| {
             let value: f64 = s.trim().parse().map_err(|_| fail(problem))?;
             if value.abs() <= MAX_DIMENSION {
                 Ok(value)
@@ -374,6 +441,28 @@ impl FromStr for Footprint {
                     radius: width / 2.0,
                 })
             }
+            "polygon" => {
+                let (list, rounding) = match rest.split_once('~') {
+                    Some((list, by)) => (list, number(by, "the radius about it is not a number")?),
+                    None => (rest, 0.0),
+                };
+                if rounding < 0.0 {
+                    return Err(fail("the radius about a polygon must not be negative"));
+                }
+                let vertices = list
+                    .split(';')
+                    .map(|pair| {
+                        let (x, y) = pair
+                            .split_once(',')
+                            .ok_or_else(|| fail("each vertex is x,y, and a ; separates them"))?;
+                        let coordinate = |s| number(s, "a coordinate is not a number");
+                        Ok(Point2::new(coordinate(x)?, coordinate(y)?))
+                    })
+                    .collect::<Result<Vec<_>, FootprintError>>()?;
+                FootprintPolygon::new(&vertices)
+                    .map(|polygon| Self::Polygon(polygon.rounded(rounding)))
+                    .map_err(|error| fail(&error.problem))
+            }
             _ => Err(fail("not a known shape")),
         }
     }
@@ -390,8 +479,10 @@ impl fmt::Display for Footprint {
             }
             Ok(())
         };
+        if *self == Self::bike() {
+            return write!(f, "bike");
+        }
         match *self {
-            bike if bike == Self::bike() => write!(f, "bike"),
             Self::Point => write!(f, "point"),
             Self::Disc { radius } => write!(f, "disc:{radius}"),
             Self::Capsule {
@@ -416,6 +507,8 @@ impl fmt::Display for Footprint {
                 2.0 * half_width,
                 (rear + front) / 2.0,
             ),
+            // As given, to the last bit: what is certified for one outline must be verified for the same.
+            Self::Polygon(ref polygon) => f.write_str(&polygon.text()),
         }
     }
 }
@@ -443,7 +536,7 @@ mod tests {
         footprint
             .discs()
             .iter()
-            .any(|d| (x - d.offset).hypot(y) <= d.radius + 1e-12)
+            .any(|d| (x - d.offset).hypot(y - d.lateral) <= d.radius + 1e-12)
     }
 
     #[test]
@@ -470,7 +563,7 @@ mod tests {
         for shape in [
             Footprint::bike(),
             Footprint::Point,
-            capsule(0.0, 0.0, 0.0),
+            capsule(0.0, 0.0, 0.1),
             rectangle(-1.0, 2.0, 0.5),
         ] {
             assert_eq!(shape.check(), Ok(()));
@@ -478,6 +571,10 @@ mod tests {
         for no_shape in [
             Footprint::Disc { radius: f64::NAN },
             Footprint::Disc { radius: -5.0 },
+            Footprint::Disc { radius: 0.0 },
+            capsule(0.0, 1.0, 0.0),
+            rectangle(0.4, 0.4, 0.3),
+            rectangle(-0.4, 0.4, 0.0),
             capsule(f64::NAN, 1.0, 0.3),
             capsule(1.0, -1.0, 0.3),
             capsule(0.0, 1.0, f64::INFINITY),
@@ -499,6 +596,8 @@ mod tests {
             "capsule:1.8x0.6",
             "box:1.8x0.6",
             "box:2x0.5@0.7",
+            "polygon:0,0;1.5,0;0,1",
+            "polygon:-0.25,-0.1;1,0;0.1,0.1;0,1~0.125",
         ] {
             let footprint: Footprint = text.parse().expect(text);
             assert_eq!(footprint.to_string(), text);
@@ -522,6 +621,14 @@ mod tests {
             "capsule:0.5x0.6",
             "box:1e300x1",
             "capsule:1x1@nan",
+            "polygon:",
+            "polygon:0,0;1,0",
+            "polygon:0,0;1;0,1",
+            "polygon:0,0;1,x;0,1",
+            "polygon:0,0;1,nan;0,1",
+            "polygon:0,0;1,0;0,1~-1",
+            "polygon:0,0;1,0;0,1~inf",
+            "polygon:0,0;1,1;1,0;0,1",
         ] {
             let error = text.parse::<Footprint>().expect_err(text);
             assert!(error.to_string().contains("capsule:1.8x0.6"));
@@ -530,7 +637,12 @@ mod tests {
 
     #[test]
     fn growing_moves_the_reach_by_as_much() {
-        for text in ["point", "disc:0.4", "capsule:1.8x0.6"] {
+        for text in [
+            "point",
+            "disc:0.4",
+            "capsule:1.8x0.6",
+            "polygon:-1,0;2,0;0,1",
+        ] {
             let footprint: Footprint = text.parse().expect(text);
             let grown = footprint.grown(0.25);
             assert!((grown.reach() - footprint.reach() - 0.25).abs() < 1e-15);

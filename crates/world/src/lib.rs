@@ -34,7 +34,7 @@ mod world;
 
 pub use changes::WorldChanges;
 pub use error::WorldError;
-pub use footprint::{Footprint, FootprintDisc, FootprintError};
+pub use footprint::{Footprint, FootprintDisc, FootprintError, FootprintPolygon};
 pub use grid::{Cell, CellRectangle, OccupancyGrid};
 pub use grid_traversal::GridTraversal;
 pub use obstacle::{Bounds, Obstacle};

@@ -239,7 +239,7 @@ impl Obstacle {
 }
 
 /// Enclosed area (m²), positive for a counter-clockwise ring.
-fn signed_area(ring: &[Point2]) -> f64 {
+pub(crate) fn signed_area(ring: &[Point2]) -> f64 {
     let Some(base) = ring.first() else {
         return 0.0;
     };
@@ -270,7 +270,7 @@ fn as_block(ring: &[Point2]) -> Option<Obstacle> {
 ///
 /// Edges are visited in order of their least x, so that only pairs overlapping in x are tried; of their least y where the
 /// edges run along x, as in a comb, and would all overlap.
-fn self_crossing(ring: &[Point2]) -> Option<(usize, usize, Point2)> {
+pub(crate) fn self_crossing(ring: &[Point2]) -> Option<(usize, usize, Point2)> {
     let extent = Bounds::around(ring.iter().copied())?;
     let run = ring.windows(2).fold((0.0, 0.0), |(x, y), w| {
         (x + (w[1].x - w[0].x).abs(), y + (w[1].y - w[0].y).abs())

@@ -540,30 +540,33 @@ fn block_ring(min: Point2, max: Point2) -> [Point2; 4] {
 /// at ten thousand, in the middle of somebody's search.
 const MOST_CUT: usize = 1000;
 
-/// A simple polygon in convex parts (ear clipping, then merging after Hertel & Mehlhorn); its box, if it has too many vertices
-/// for that.
+/// A simple polygon in convex parts; its box, if it has too many vertices for that, or is too thin to be cut into ears in floating
+/// point. Its edges still keep it solid; only the depth of an overlap is then measured against its box.
 fn convex_parts(ring: &[Point2]) -> Vec<Vec<Point2>> {
+    cut_into_convex(ring).unwrap_or_else(|| {
+        Bounds::around(ring.iter().copied())
+            .map(|b| vec![block_ring(b.min, b.max).to_vec()])
+            .unwrap_or_default()
+    })
+}
+
+/// A simple counter-clockwise polygon in convex parts (ear clipping, then merging after Hertel & Mehlhorn).
+pub(crate) fn cut_into_convex(ring: &[Point2]) -> Option<Vec<Vec<Point2>>> {
     let n = ring.len();
     let convex = (0..n).all(|i| {
         let (a, b, c) = (ring[i], ring[(i + 1) % n], ring[(i + 2) % n]);
         (b - a).perp(&(c - b)) >= 0.0
     });
     if convex {
-        return vec![ring.to_vec()];
+        return Some(vec![ring.to_vec()]);
     }
     let cut = || TriMesh::from_polygon(ring.iter().map(|p| ParryVector::new(p.x, p.y)).collect());
-    let Some(mesh) = (n <= MOST_CUT).then(cut).flatten() else {
-        // Too large, or too thin to be cut into ears in floating point. Its edges still keep it solid; only
-        // the depth of an overlap is then measured against its box.
-        return Bounds::around(ring.iter().copied())
-            .map(|b| vec![block_ring(b.min, b.max).to_vec()])
-            .unwrap_or_default();
-    };
-    let vertices = mesh.vertices();
-    parry2d_f64::transformation::hertel_mehlhorn(vertices, mesh.indices())
+    let mesh = (n <= MOST_CUT).then(cut).flatten()?;
+    let parts = parry2d_f64::transformation::hertel_mehlhorn(mesh.vertices(), mesh.indices())
         .into_iter()
         .map(|part| part.iter().map(|v| Point2::new(v.x, v.y)).collect())
-        .collect()
+        .collect();
+    Some(parts)
 }
 
 /// The solid cells near the core, merged to rectangles, as rings in the world frame.
@@ -641,7 +644,7 @@ fn one_sided_separation(a: &[Point2], b: &[Point2]) -> f64 {
     largest
 }
 
-/// Squared distance (m²) from a convex shape of 1, 2 or 4 vertices to a point; 0 inside.
+/// Squared distance (m²) from a convex shape of 1, 2 or more vertices to a point; 0 inside.
 fn core_distance_squared_to_point(core: &[Point2], p: Point2) -> f64 {
     match core {
         [a] => (p - a).norm_squared(),
@@ -675,7 +678,7 @@ fn core_distance_squared(core: &[Point2], primitive: &Primitive) -> f64 {
     }
 }
 
-/// Squared distance (m²) between two convex shapes of 2 or 4 vertices; 0 where they meet.
+/// Squared distance (m²) between two convex shapes of 2 or more vertices; 0 where they meet.
 fn convex_distance_squared(a: &[Point2], b: &[Point2]) -> f64 {
     if separation(a, b) <= 0.0 && !collinear_apart(a, b) {
         return 0.0;

@@ -7,7 +7,7 @@ use bikebot_geometry::{Point2, Pose2, Vector2};
 use crate::clearance_field::ClearanceField;
 use crate::error::WorldError;
 use crate::field_edge::FieldEdge;
-use crate::footprint::Footprint;
+use crate::footprint::{Core, Footprint};
 use crate::grid::OccupancyGrid;
 use crate::obstacle::{Bounds, Obstacle};
 use crate::query::Scene;
@@ -193,7 +193,13 @@ impl World {
         if !(pose.is_finite() && footprint.reach().is_finite()) {
             return f64::NEG_INFINITY;
         }
-        let core = footprint.core(pose);
+        footprint.cores(pose).fold(f64::INFINITY, |least, core| {
+            least.min(self.core_clearance(&core, least))
+        })
+    }
+
+    /// Signed clearance (m) of one convex core with its radius; where it is above `limit`, any value above that.
+    fn core_clearance(&self, core: &Core, limit: f64) -> f64 {
         if let [centre] = core.vertices() {
             return self.clearance(*centre) - core.radius;
         }
@@ -204,11 +210,14 @@ impl World {
             .fold(f64::INFINITY, f64::min);
         // The core can be no clearer than its own middle: the search need look no farther.
         let middle = self.clearance(core.middle()) * (1.0 + 1e-9) + 1e-9;
-        let to_obstacle = self.scene.core_distance(&core, to_edge.min(middle));
+        let enough = (limit + core.radius).max(1e-9);
+        let to_obstacle = self
+            .scene
+            .core_distance(core, to_edge.min(middle).min(enough));
         let signed = if to_obstacle > 0.0 {
             to_obstacle.min(to_edge)
         } else {
-            to_edge.min(-self.scene.core_depth(&core))
+            to_edge.min(-self.scene.core_depth(core))
         };
         signed - core.radius
     }
@@ -220,7 +229,10 @@ impl World {
         if !(pose.is_finite() && footprint.reach().is_finite()) {
             return true;
         }
-        let core = footprint.core(pose);
+        footprint.cores(pose).any(|core| self.core_overlaps(&core))
+    }
+
+    fn core_overlaps(&self, core: &Core) -> bool {
         // One point query decides most poses, inside or well outside.
         let middle = core.middle();
         let clearance = self.clearance(middle);
@@ -234,7 +246,7 @@ impl World {
             .fold(0.0, f64::max)
             .sqrt();
         clearance < (extent + core.radius) * (1.0 + 1e-12)
-            && self.footprint_clearance(footprint, pose) < 0.0
+            && self.core_clearance(core, f64::INFINITY) < 0.0
     }
 
     /// How far (m) a ray from `origin` along `angle` (rad) travels before it meets something

@@ -47,12 +47,13 @@ pub struct PlanArgs {
     /// Largest curvature of the path, 1/m
     #[arg(long, value_name = "K", allow_hyphen_values = true, value_parser = positive)]
     pub max_curvature: Option<f64>,
-    /// What must not touch anything: bike, point, disc:R, capsule:LxW, box:LxW (metres)
+    /// What must not touch anything: bike, point, disc:R, capsule:LxW, box:LxW, polygon:X,Y;… (metres)
     #[arg(
         long,
         value_name = "SPEC",
         long_help = "What must not touch anything, in metres: bike (the bike's own outline), point, \
-            disc:0.4 (radius), capsule:1.8x0.6 or box:1.8x0.6 (length x width). \
+            disc:0.4 (radius), capsule:1.8x0.6 or box:1.8x0.6 (length x width), \
+            polygon:-0.4,-0.3;1.4,0;-0.4,0.3 (vertices; x forward, the reference point at 0,0). \
             Default: the scenario's; for a bare map, point"
     )]
     pub footprint: Option<String>,

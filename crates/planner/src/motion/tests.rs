@@ -9,7 +9,31 @@ const BOX: Footprint = Footprint::Rectangle {
     half_width: 0.3,
 };
 const DISC: Footprint = Footprint::Disc { radius: 0.4 };
-const ALL: [Footprint; 4] = [Footprint::Point, DISC, BIKE, BOX];
+
+/// The box again, by its corners.
+fn box_by_corners() -> Footprint {
+    "polygon:-0.4,-0.3;1.4,-0.3;1.4,0.3;-0.4,0.3"
+        .parse()
+        .unwrap()
+}
+
+/// An L: a long arm ahead, a short one to the left.
+fn l_shape() -> Footprint {
+    "polygon:-0.2,-0.2;1.2,-0.2;1.2,0.15;0.2,0.15;0.2,0.8;-0.2,0.8"
+        .parse()
+        .unwrap()
+}
+
+fn all() -> [Footprint; 6] {
+    [
+        Footprint::Point,
+        DISC,
+        BIKE,
+        BOX,
+        l_shape(),
+        "polygon:-0.1,0.5;0.4,0;-0.1,-0.5;0,0~0.12".parse().unwrap(),
+    ]
+}
 
 fn yard() -> World {
     room(
@@ -58,7 +82,7 @@ proptest! {
     #[test]
     fn an_accepted_motion_stays_free_when_sampled_finely(curve in curves(), margin in 0.0..0.3f64) {
         let world = yard();
-        for footprint in &ALL {
+        for footprint in &all() {
             let checker = MotionChecker::new(&world, footprint, margin, 0.02);
             if checker.is_curve_free(&curve) {
                 let least = least_sampled(&checker, |t| Pose2 {
@@ -82,7 +106,7 @@ proptest! {
     fn a_motion_with_room_to_spare_is_accepted(curve in curves()) {
         prop_assume!(curve.is_within_curvature(5.0));
         let world = yard();
-        for footprint in &ALL {
+        for footprint in &all() {
             let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
             let least = checker.least_clearance(&[Curved::new(&curve)], 1e-4);
             if least > 0.01 + 1e-6 {
@@ -95,7 +119,7 @@ proptest! {
     fn the_least_clearance_is_a_lower_bound_within_its_tolerance(curve in curves()) {
         prop_assume!(curve.is_within_curvature(5.0));
         let world = yard();
-        for footprint in &ALL {
+        for footprint in &all() {
             let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
             let bound = checker.least_clearance(&[Curved::new(&curve)], 1e-3);
             let sampled = least_sampled(&checker, |t| Pose2 {
@@ -109,6 +133,49 @@ proptest! {
     }
 }
 
+proptest! {
+    #[test]
+    fn a_box_by_its_corners_is_judged_like_the_box(curve in curves(), margin in 0.0..0.3f64) {
+        let world = yard();
+        let outline = box_by_corners();
+        let of = |footprint| MotionChecker::new(&world, footprint, margin, 0.02);
+        let (cart, polygon) = (of(&BOX), of(&outline));
+        prop_assert_eq!(cart.inscribed_radius(), polygon.inscribed_radius());
+        for t in [0.0, 0.3, 1.0] {
+            let pose = Pose2 { position: curve.point(t), heading: curve.heading(t) };
+            let (a, b) = (cart.pose_clearance(&pose), polygon.pose_clearance(&pose));
+            prop_assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+        prop_assume!(curve.is_within_curvature(5.0));
+        let (a, b) = (
+            cart.least_clearance(&[Curved::new(&curve)], 1e-3),
+            polygon.least_clearance(&[Curved::new(&curve)], 1e-3),
+        );
+        // Both within their tolerance below the same truth.
+        prop_assert!((a - b).abs() <= 1e-3 + 1e-9, "{a} {b}");
+        // What either accepts, the other refuses only within half the resolution.
+        if polygon.is_curve_free(&curve) != cart.is_curve_free(&curve) {
+            prop_assert!((a - margin).abs() < 0.01 + 2e-3, "{a} {margin}");
+        }
+    }
+}
+
+#[test]
+fn an_l_turns_where_its_box_would_not_and_not_where_its_arm_is_in_the_way() {
+    let straight = (Point2::new(1.0, 5.0), Point2::new(8.0, 5.0));
+    // A wall 0.3 m to the left until x = 5: the short arm, 0.8 m to the left, meets it; ahead of the arm there is room.
+    let world = room(12.0, vec![block(9.0, 5.3, 11.0, 9.0)]);
+    let fits = |footprint: &Footprint, to| {
+        MotionChecker::new(&world, footprint, 0.0, 0.02).is_segment_free(straight.0, to)
+    };
+    let bounding: Footprint = "polygon:-0.2,-0.2;1.2,-0.2;1.2,0.8;-0.2,0.8"
+        .parse()
+        .unwrap();
+    assert!(fits(&l_shape(), straight.1));
+    assert!(!fits(&bounding, straight.1));
+    assert!(!fits(&l_shape(), Point2::new(9.0, 5.0)));
+}
+
 #[test]
 fn sees_a_wall_of_a_tenth_of_a_millimetre() {
     let world = room(10.0, vec![block(5.0, 0.0, 5.0001, 9.0)]);
@@ -120,7 +187,7 @@ fn sees_a_wall_of_a_tenth_of_a_millimetre() {
 
 #[test]
 fn passes_a_gap_wider_by_the_resolution_and_not_a_narrower_one() {
-    for footprint in &[DISC, BIKE, BOX] {
+    for footprint in &[DISC, BIKE, BOX, box_by_corners()] {
         let half = if *footprint == DISC { 0.4 } else { 0.3 };
         for (gap, fits) in [(2.0 * half + 0.021, true), (2.0 * half - 0.001, false)] {
             let world = room(
@@ -160,7 +227,7 @@ fn the_front_of_a_long_outline_swings_out_where_a_disc_passes() {
 fn what_is_not_a_number_is_not_free_and_ends() {
     let world = yard();
     let bad = [f64::NAN, f64::INFINITY, 1e308];
-    for footprint in &ALL {
+    for footprint in &all() {
         let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
         for x in bad {
             let (a, b) = (Point2::new(1.0, 1.0), Point2::new(x, 2.0));
@@ -202,8 +269,11 @@ fn a_motion_of_no_length_is_judged_by_its_pose() {
 
 #[test]
 fn the_inscribed_disc_is_the_largest_about_the_reference_point() {
-    let radius = |f: Footprint| inscribed_radius(&f);
-    assert_eq!(ALL.map(radius), [0.0, 0.4, 0.3, 0.3]);
+    let radius = |f: Footprint| f.inscribed_radius();
+    let [point, disc, bike, cart, l, arrow] = all().map(radius);
+    assert_eq!([point, disc, bike, cart, l], [0.0, 0.4, 0.3, 0.3, 0.2]);
+    // The notch of the arrowhead is at the reference point.
+    assert_eq!(arrow, 0.12);
     let ahead = Footprint::Capsule {
         rear: 0.1,
         front: 1.0,
@@ -223,7 +293,12 @@ fn the_inscribed_disc_is_the_largest_about_the_reference_point() {
 fn beside_a_long_wall_the_least_clearance_is_found_within_its_tolerance() {
     let world = World::new(bikebot_world::Bounds::new(0.0, 0.0, 100.0, 3.0), Vec::new()).unwrap();
     let (a, b) = (Point2::new(5.0, 1.5), Point2::new(95.0, 1.5));
-    for (footprint, expected) in [(Footprint::Point, 1.5), (BIKE, 1.2), (BOX, 1.2)] {
+    for (footprint, expected) in [
+        (Footprint::Point, 1.5),
+        (BIKE, 1.2),
+        (BOX, 1.2),
+        (l_shape(), 0.7),
+    ] {
         let checker = MotionChecker::new(&world, &footprint, 0.0, 0.02);
         let least = checker.least_clearance_of_polyline(&[a, b], 1e-4);
         assert!(
@@ -273,12 +348,17 @@ proptest! {
             Footprint::Disc { radius: 0.1 * scale },
             Footprint::Capsule { rear: -0.1 * scale, front: 0.5 * scale, radius: 0.08 * scale },
             Footprint::Rectangle { rear: 0.1 * scale, front: 0.4 * scale, half_width: 0.1 * scale },
+            Footprint::polygon(
+                &[(-0.1, -0.1), (0.4, -0.1), (0.0, 0.0), (0.0, 0.3)]
+                    .map(|(x, y)| Point2::new(x * scale, y * scale)),
+            )
+            .unwrap(),
         ];
         for (i, ((x, y, heading), (chord, turn, speed))) in ways.into_iter().enumerate() {
             let from = origin.compose(&Pose2::new(x * scale, y * scale, heading));
             let to = from.compose(&Pose2::new(chord * scale, 0.3 * chord * scale, turn));
             let curve = FergusonCurve::between(from, to, speed * chord * scale);
-            let checker = MotionChecker::new(&world, &footprints[i % 4], 0.0, 0.002 * scale);
+            let checker = MotionChecker::new(&world, &footprints[i % 5], 0.0, 0.002 * scale);
             if !checker.is_curve_free(&curve) {
                 continue;
             }

@@ -1,13 +1,13 @@
 //! Clearance and curvature of the next curve, linearised about the current one: the elastic rows of a round.
 //!
-//! *Clearance* of a disc at offset a, with n the unit vector from the nearest obstacle point to its centre (reversed inside): moving
-//! the centre by δ changes it by n·δ. The centre is P + a t̂, so
+//! *Clearance* of a disc a ahead and b to the left, with n the unit vector from the nearest obstacle point to its centre (reversed
+//! inside): moving the centre by δ changes it by n·δ. The centre is P + a t̂ + b t̂_⊥, t̂_⊥ a quarter turn left of t̂, so
 //!
 //! ```text
-//!     ∂(n·centre)/∂c_{i+k} = B_k n + (a/|P'|) B'_k n_⊥,      n_⊥ = n − (n·t̂) t̂
+//!     ∂(n·centre)/∂c_{i+k} = B_k n + B'_k (a n·t̂_⊥ − b n·t̂)/|P'| t̂_⊥
 //! ```
 //!
-//! where n_⊥ is how the disc swings when the tangent turns. *Curvature*:
+//! where the second term is how the disc swings when the tangent turns. *Curvature*:
 //!
 //! ```text
 //!     ∂σ/∂c_{i+k} = ∂(P'×P'')/|P'|³ − 3σ B'_k P'/|P'|²
@@ -16,7 +16,7 @@
 //! All rows are in metres: those of curvature are multiplied by R², so that one price fits both.
 
 use super::spline::{Place, Spline};
-use super::survey::{SAMPLES, Survey, centre};
+use super::survey::{SAMPLES, Survey, centre, is_central};
 use bikebot_geometry::{Point2, Vector2};
 use bikebot_qp::BandedQp;
 use bikebot_world::{FootprintDisc, World};
@@ -152,7 +152,7 @@ impl RowMaker<'_> {
     }
 
     fn stands(&self, end: usize, disc: usize) -> bool {
-        self.clamped[end] || self.discs[disc].offset == 0.0
+        self.clamped[end] || is_central(&self.discs[disc])
     }
 
     /// −∂(n·centre)·d − e ≤ clearance − demand.
@@ -166,19 +166,20 @@ impl RowMaker<'_> {
         demands: &Demands,
     ) -> Option<Row> {
         let place = spline.place(segment, t);
-        let FootprintDisc { offset, radius } = self.discs[disc];
-        let at = centre(place.point, place.first, offset);
-        let n = self.away(at, clearance + radius)?;
+        let disc = &self.discs[disc];
+        let at = centre(place.point, place.first, disc);
+        let n = self.away(at, clearance + disc.radius)?;
         let speed = place.first.norm();
-        let (swing, lever) = if offset == 0.0 || speed <= 0.0 {
-            (Vector2::zeros(), 0.0)
+        let swing = if is_central(disc) || speed <= 0.0 {
+            Vector2::zeros()
         } else {
             let along = place.first / speed;
-            (n - along * n.dot(&along), offset / speed)
+            let left = Vector2::new(-along.y, along.x);
+            left * ((disc.offset * n.dot(&left) - disc.lateral * n.dot(&along)) / speed)
         };
         let mut coefficients = [0.0; 8];
         for k in 0..4 {
-            let by = n * place.basis.value[k] + swing * (lever * place.basis.first[k]);
+            let by = n * place.basis.value[k] + swing * place.basis.first[k];
             coefficients[2 * k] = -by.x;
             coefficients[2 * k + 1] = -by.y;
         }

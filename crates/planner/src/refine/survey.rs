@@ -96,7 +96,7 @@ impl Probe<'_> {
         let (segment, t) = split(u, self.spline.segments());
         let place = self.spline.place(segment, t);
         self.world
-            .clearance(centre(place.point, place.first, self.disc.offset))
+            .clearance(centre(place.point, place.first, self.disc))
             - self.disc.radius
     }
 
@@ -105,8 +105,9 @@ impl Probe<'_> {
         let mut samples = vec![f64::INFINITY; SAMPLES * segments + 1];
         let step = 1.0 / SAMPLES as f64;
         for (i, curve) in curves.iter().enumerate() {
-            // The disc's centre swings by no more than its offset times the turn, and never by more than twice the offset.
-            let swing = match self.disc.offset.abs() {
+            // The disc's centre swings by no more than its distance from the reference point times the turn, and never by more
+            // than twice that distance.
+            let swing = match self.disc.offset.hypot(self.disc.lateral) {
                 0.0 => 0.0,
                 offset => offset * (0.5 * curve.heading_rate_bound(0.0, 1.0)).min(2.0),
             };
@@ -193,14 +194,19 @@ impl Probe<'_> {
     }
 }
 
-/// Centre of a disc `offset` (m) ahead of the reference point.
-pub(crate) fn centre(point: Point2, tangent: Vector2, offset: f64) -> Point2 {
+/// Centre of a disc carried by the reference point with this tangent.
+pub(crate) fn centre(point: Point2, tangent: Vector2, disc: &FootprintDisc) -> Point2 {
     let speed = tangent.norm();
-    if offset == 0.0 || speed <= 0.0 {
-        point
-    } else {
-        point + tangent * (offset / speed)
+    if is_central(disc) || speed <= 0.0 {
+        return point;
     }
+    let along = tangent / speed;
+    point + along * disc.offset + Vector2::new(-along.y, along.x) * disc.lateral
+}
+
+/// Whether the disc does not move when the footprint turns.
+pub(crate) fn is_central(disc: &FootprintDisc) -> bool {
+    disc.offset == 0.0 && disc.lateral == 0.0
 }
 
 /// Segment and its parameter at parameter `u` of the whole curve.

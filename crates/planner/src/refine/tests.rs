@@ -42,7 +42,7 @@ impl Case {
         let heading = |pose: &Pose2| self.headings.then_some(pose.heading);
         PlanningProblem {
             world: &self.scene.world,
-            footprint: self.footprint,
+            footprint: self.footprint.clone(),
             start: EndPose {
                 position: self.scene.start.position,
                 heading: heading(&self.scene.start),
@@ -199,6 +199,14 @@ fn every_scene_is_certified_from_every_guide() {
         ("maze", 1.0, 1.0, Footprint::Point),
         ("fig7-ride", 0.4, 0.8, Footprint::bike()),
         ("fig6", 1.0, 0.8, Footprint::bike()),
+        (
+            "fig7-ride",
+            0.4,
+            0.8,
+            "polygon:-0.3,-0.3;1.2,-0.3;1.4,0;1.2,0.3;0.1,0.2;-0.3,0.3"
+                .parse()
+                .unwrap(),
+        ),
     ] {
         let case = Case::new(name, scale, max_curvature, footprint);
         for seed in 0..3 {
@@ -430,10 +438,13 @@ fn clearance_of_a_swinging_disc_changes_as_its_row_says() {
             vec![block(x, y, x + 0.7, y + 0.7)],
         )
         .unwrap();
-        let discs = [0.0, 0.9, -0.5].map(|offset| bikebot_world::FootprintDisc {
-            offset,
-            radius: 0.2,
-        });
+        let discs = [(0.0, 0.0), (0.9, 0.0), (-0.5, 0.0), (0.4, -0.3), (0.0, 0.5)].map(
+            |(offset, lateral)| bikebot_world::FootprintDisc {
+                offset,
+                lateral,
+                radius: 0.2,
+            },
+        );
         let rows = RowMaker {
             world: &world,
             discs: &discs,
@@ -451,7 +462,7 @@ fn clearance_of_a_swinging_disc_changes_as_its_row_says() {
                 for (k, disc) in discs.iter().enumerate() {
                     let clearance = |spline: &Spline| {
                         let place = spline.place(segment, t);
-                        world.clearance(centre(place.point, place.first, disc.offset)) - disc.radius
+                        world.clearance(centre(place.point, place.first, disc)) - disc.radius
                     };
                     let at = clearance(&wavy());
                     let row = rows

@@ -117,13 +117,19 @@ impl<'a> Walker<'a> {
         if others.is_empty() {
             return self.one_of_names(constants, value);
         }
-        let mut first = None;
+        // Of several kinds of value, what is wrong is told for the kind that was given.
+        let depth = self.path.len();
+        let (mut first, mut of_this_kind) = (None, None);
         for choice in others {
+            let is_this_kind = self.type_of(choice, value).is_ok();
             match self.value(choice, value) {
                 Ok(()) => return Ok(()),
+                Err(violation) if is_this_kind => of_this_kind = of_this_kind.or(Some(violation)),
                 Err(violation) => first = first.or(Some(violation)),
             }
+            self.path.truncate(depth);
         }
+        let first = of_this_kind.or(first);
         if value.as_str().is_some_and(|text| constants.contains(&text)) {
             return Ok(());
         }

@@ -440,6 +440,26 @@ fn small_scene() -> impl Strategy<Value = (World, Vec<Obstacle>)> {
     })
 }
 
+/// An L: 1.2 m long, 0.8 m high, arms 0.4 m wide, the reference point in the corner.
+const L: &str = "polygon:-0.2,-0.2;1,-0.2;1,0.2;0.2,0.2;0.2,0.6;-0.2,0.6";
+
+#[test]
+fn a_post_fits_in_the_notch_of_an_l_and_not_in_its_arms() {
+    let post = Obstacle::Disc {
+        center: p(5.0, 5.0),
+        radius: 0.1,
+    };
+    let world = World::new(Bounds::new(0.0, 0.0, 10.0, 10.0), vec![post]).expect("valid");
+    let outline: Footprint = L.parse().expect("valid");
+    let clear = |x: f64, y: f64| world.footprint_clearance(&outline, &Pose2::new(x, y, 0.0));
+    // The post 0.3 m above the lower arm and 0.3 m right of the upright one.
+    assert!((clear(4.5, 4.5) - 0.2).abs() < 1e-12);
+    // In the middle of the lower arm: 0.2 m to its sides, and 0.1 m of post.
+    assert!((clear(4.4, 5.0) + 0.3).abs() < 1e-12);
+    assert!(world.overlaps(&outline, &Pose2::new(4.4, 5.0, 0.0)));
+    assert!(!world.overlaps(&outline, &Pose2::new(4.5, 4.5, 0.0)));
+}
+
 proptest! {
     #[test]
     fn clearance_is_one_lipschitz(
@@ -460,17 +480,19 @@ proptest! {
         x in 0.0..10.0_f64, y in 0.0..10.0_f64, heading in -3.2..3.2_f64,
     ) {
         let pose = Pose2::new(x, y, heading);
-        for footprint in [Footprint::bike(), "box:1.2x0.5@0.2".parse().expect("valid")] {
+        for text in ["bike", "box:1.2x0.5@0.2", L, "polygon:-0.3,-0.2;0.9,0;-0.3,0.2;0,0~0.05"] {
+            let footprint: Footprint = text.parse().expect("valid");
             let clear = world.footprint_clearance(&footprint, &pose);
-            let core = footprint.core(&pose);
-            let ring = core.vertices();
             let mut sampled = f64::INFINITY;
             const N: usize = 400;
-            for i in 0..ring.len() {
-                let (a, b) = (ring[i], ring[(i + 1) % ring.len()]);
-                for k in 0..=N {
-                    let q = a + (b - a) * (k as f64 / N as f64);
-                    sampled = sampled.min(world.clearance(q) - core.radius);
+            for core in footprint.cores(&pose) {
+                let ring = core.vertices();
+                for i in 0..ring.len() {
+                    let (a, b) = (ring[i], ring[(i + 1) % ring.len()]);
+                    for k in 0..=N {
+                        let q = a + (b - a) * (k as f64 / N as f64);
+                        sampled = sampled.min(world.clearance(q) - core.radius);
+                    }
                 }
             }
             if clear > 0.0 {
@@ -486,9 +508,53 @@ proptest! {
             let covered = footprint
                 .discs()
                 .iter()
-                .map(|d| world.clearance(pose.transform(p(d.offset, 0.0))) - d.radius)
+                .map(|d| world.clearance(pose.transform(p(d.offset, d.lateral))) - d.radius)
                 .fold(f64::INFINITY, f64::min);
             prop_assert!(covered <= clear.max(0.0) + 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_box_written_as_a_polygon_has_the_clearance_of_the_box(
+        (world, _) in small_scene(),
+        x in 0.0..10.0_f64, y in 0.0..10.0_f64, heading in -3.2..3.2_f64,
+    ) {
+        let pose = Pose2::new(x, y, heading);
+        let cart: Footprint = "box:1.2x0.5@0.2".parse().expect("valid");
+        let outline: Footprint = "polygon:-0.4,-0.25;0.8,-0.25;0.8,0.25;-0.4,0.25".parse().expect("valid");
+        let (a, b) = (world.footprint_clearance(&cart, &pose), world.footprint_clearance(&outline, &pose));
+        prop_assert!((a - b).abs() < 1e-12, "{a} {b}");
+        prop_assert_eq!(cart.inscribed_radius(), outline.inscribed_radius());
+        // A segment grown is a capsule; so is a needle of next to no width, to within that width.
+        let capsule: Footprint = "capsule:1.8x0.6@0.3".parse().expect("valid");
+        let needle: Footprint = "polygon:-0.3,0;0.9,-1e-8;0.9,1e-8~0.3".parse().expect("valid");
+        let (a, b) = (world.footprint_clearance(&capsule, &pose), world.footprint_clearance(&needle, &pose));
+        prop_assert!((a - b).abs() < 1e-7, "{a} {b}");
+    }
+
+    /// Brute force: the least clearance of a lattice of points of the outline, inside and edge.
+    #[test]
+    fn a_polygon_that_is_not_convex_is_as_clear_as_the_least_clear_of_its_points(
+        (world, _) in small_scene(),
+        x in 0.0..10.0_f64, y in 0.0..10.0_f64, heading in -3.2..3.2_f64,
+    ) {
+        let pose = Pose2::new(x, y, heading);
+        let outline: Footprint = L.parse().expect("valid");
+        let mut least = f64::INFINITY;
+        for i in 0..=120 {
+            for j in 0..=80 {
+                let q = p(-0.2 + 0.01 * f64::from(i), -0.2 + 0.01 * f64::from(j));
+                if q.x <= 0.2 || q.y <= 0.2 {
+                    least = least.min(world.clearance(pose.transform(q)));
+                }
+            }
+        }
+        let found = world.footprint_clearance(&outline, &pose);
+        if found > 0.0 {
+            // The nearest lattice point is within 0.5 cm of the nearest point, on the outline.
+            prop_assert!(least >= found - 1e-12 && least <= found + 5e-3, "{least} {found}");
+        } else {
+            prop_assert!(least <= 7.1e-3, "{least} {found}");
         }
     }
 
