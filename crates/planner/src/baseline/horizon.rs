@@ -232,7 +232,9 @@ impl Task<'_, '_> {
         let end = step.end;
         let (sin, cos) = end.heading.sin_cos();
         for disc in &self.discs {
-            let centre = end.position + Vector2::new(cos, sin) * disc.offset;
+            let centre = end.position
+                + Vector2::new(cos, sin) * disc.offset
+                + Vector2::new(-sin, cos) * disc.lateral;
             let metres = Point2::from(centre.coords * self.scale);
             let clearance = world.clearance(metres) / self.scale;
             let room = clearance - disc.radius - self.margin;
@@ -245,7 +247,8 @@ impl Task<'_, '_> {
                 continue;
             }
             let n = away * (clearance.signum() / distance);
-            let swing = disc.offset * (n.y * cos - n.x * sin);
+            let swing =
+                disc.offset * (n.y * cos - n.x * sin) - disc.lateral * (n.x * cos + n.y * sin);
             let parts = [n.x, n.y, swing];
             let coefficients = place
                 .iter()

@@ -61,6 +61,7 @@ pub fn track(
                 .iter()
                 .map(|disc| FootprintDisc {
                     offset: disc.offset / scale,
+                    lateral: disc.lateral / scale,
                     radius: disc.radius / scale,
                 })
                 .collect(),
