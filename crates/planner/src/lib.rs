@@ -32,6 +32,7 @@ pub mod sampler;
 pub mod search;
 pub mod seeds;
 pub mod shortcut;
+pub mod shortest;
 pub mod steer;
 pub mod taut;
 #[cfg(test)]
@@ -50,3 +51,4 @@ pub use params::{
 pub use pipeline::{plan, plan_observed};
 pub use problem::{EndPose, GoalRegion, PlanningProblem};
 pub use report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};
+pub use shortest::{Shortest, shortest};

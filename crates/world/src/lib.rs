@@ -11,11 +11,13 @@
 //! | [`World::footprint_clearance`] | the same for a [`Footprint`] carried by a pose |
 //! | [`World::overlaps`] | does the footprint touch anything solid? |
 //! | [`World::cast_ray`], [`World::cast_fan`] | how far does a beam travel? |
+//! | [`World::visit_boundary`] | the sides, blocks and discs in a region |
 //!
 //! [`formats`] turns the bytes of map files into worlds; this crate opens no file itself.
 //!
 //! Frame: x right, y up, metres; angles in radians, counter-clockwise from +x.
 
+mod boundary;
 mod changes;
 mod clearance_block;
 mod clearance_field;
@@ -32,6 +34,7 @@ mod query;
 mod solid_cells;
 mod world;
 
+pub use boundary::BoundaryPiece;
 pub use changes::WorldChanges;
 pub use error::WorldError;
 pub use footprint::{Footprint, FootprintDisc, FootprintError, FootprintPolygon};

@@ -72,6 +72,11 @@ impl Edge {
         self.start + self.span
     }
 
+    /// Whether the solid fills less than a half turn where the edge begins.
+    pub(crate) fn begins_convex(&self) -> bool {
+        self.start_corner == Corner::Convex
+    }
+
     /// The parameter of the point of the edge nearest to `p`, in [0, 1].
     fn nearest_parameter(&self, offset: Vector2) -> f64 {
         (offset.dot(&self.span) * self.inverse_length_squared).clamp(0.0, 1.0)

@@ -14,6 +14,7 @@ use parry2d_f64::math::Vector as ParryVector;
 use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, TraversalAction};
 use parry2d_f64::shape::TriMesh;
 
+use crate::boundary::BoundaryPiece;
 use crate::footprint::Core;
 use crate::grid::{Cell, CellRectangle, OccupancyGrid};
 use crate::obstacle::{Bounds, Obstacle};
@@ -25,6 +26,10 @@ use crate::solid_cells::{CellId, SolidCells};
 /// Boxes in the trees are this much larger (m) than what they hold, so that a ray through a
 /// common corner of two edges is not lost between two boxes without thickness.
 const BOX_MARGIN: f64 = 1e-9;
+
+/// Set in the number of a piece of the boundary that belongs to the grid. There are fewer primitives than that, and four sides to each of
+/// at most 64 Mi cells.
+const OF_GRID: u32 = 1 << 31;
 
 /// A polygon of the scene.
 #[derive(Debug)]
@@ -381,6 +386,67 @@ impl Scene {
             }
             TraversalAction::Continue
         });
+    }
+
+    /// Calls `visit` with every piece of the boundary all of whose boxes `keep` holds for, until it returns false.
+    pub(crate) fn visit(
+        &self,
+        mut keep: impl FnMut(&Bounds) -> bool,
+        mut visit: impl FnMut(u32, BoundaryPiece) -> bool,
+    ) {
+        let mut goes_on = true;
+        self.tree.traverse(|node| {
+            let (min, max) = (node.mins(), node.maxs());
+            if !keep(&Bounds::new(min.x, min.y, max.x, max.y)) {
+                return TraversalAction::Prune;
+            }
+            if let Some(leaf) = node.leaf_data() {
+                let piece = match *self.primitive(leaf) {
+                    Primitive::Disc { center, radius } => BoundaryPiece::Disc { center, radius },
+                    Primitive::Block { min, max } => BoundaryPiece::Block { min, max },
+                    Primitive::Edge(edge) => BoundaryPiece::Side {
+                        start: edge.start,
+                        end: edge.end(),
+                        begins_convex: edge.begins_convex(),
+                    },
+                };
+                goes_on = visit(leaf, piece);
+                if !goes_on {
+                    return TraversalAction::EarlyExit;
+                }
+            }
+            TraversalAction::Continue
+        });
+        if let Some(grid) = &self.grid
+            && goes_on
+        {
+            grid.solid.visit_sides(&mut keep, &mut |number, piece| {
+                visit(OF_GRID | number, piece)
+            });
+        }
+    }
+
+    /// The direction in which the boundary arrives where the side with this number begins, which must be a convex corner; not of unit
+    /// length. None for what is no side.
+    pub(crate) fn direction_before(&self, number: u32) -> Option<Vector2> {
+        if number & OF_GRID != 0 {
+            let grid = self.grid.as_ref()?;
+            return Some(grid.solid.direction_before_side(number & !OF_GRID));
+        }
+        let Primitive::Edge(edge) = self.primitives.get(number as usize)? else {
+            return None;
+        };
+        // The edges of a ring follow each other; before the first comes the last.
+        let ring = self.solids[edge.shape as usize].primitives();
+        let before = if number == ring.start {
+            ring.end - 1
+        } else {
+            number - 1
+        };
+        match self.primitive(before) {
+            Primitive::Edge(before) => Some(before.span),
+            _ => None,
+        }
     }
 
     /// Distance (m) along the unit vector `direction` to the first boundary met, if below

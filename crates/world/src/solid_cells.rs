@@ -5,6 +5,8 @@
 //! point, or the nearest free cell of a solid one, is then a descent that leaves out whatever is farther than the best found,
 //! and a ray crosses an empty node in one step. No edge is stored anywhere: 1.03 bits a cell is all there is.
 
+mod sides;
+
 use bikebot_geometry::{Point2, Vector2};
 
 use crate::grid::{Cell, OccupancyGrid};

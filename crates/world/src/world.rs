@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use bikebot_geometry::{Point2, Pose2, Vector2};
 
+use crate::boundary::BoundaryPiece;
 use crate::clearance_field::ClearanceField;
 use crate::error::WorldError;
 use crate::field_edge::FieldEdge;
@@ -247,6 +248,24 @@ impl World {
             .sqrt();
         clearance < (extent + core.radius) * (1.0 + 1e-12)
             && self.core_clearance(core, f64::INFINITY) < 0.0
+    }
+
+    /// Calls `visit` with the pieces of the obstacles' boundary, each with its number, until it returns false. Pieces come in
+    /// boxes within boxes, and what lies in a box (m) for which `keep` does not hold is passed over. The edge of the field is not
+    /// among them.
+    pub fn visit_boundary(
+        &self,
+        keep: impl FnMut(&Bounds) -> bool,
+        visit: impl FnMut(u32, BoundaryPiece) -> bool,
+    ) {
+        self.scene.visit(keep, visit);
+    }
+
+    /// The direction (m, of any length) in which the boundary arrives at the convex corner where side `number` begins; `None` for a piece
+    /// that is no side.
+    #[must_use]
+    pub fn direction_before_side(&self, number: u32) -> Option<Vector2> {
+        self.scene.direction_before(number)
     }
 
     /// How far (m) a ray from `origin` along `angle` (rad) travels before it meets something
