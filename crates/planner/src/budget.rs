@@ -150,6 +150,13 @@ impl<'a> Meter<'a> {
         self.step()
     }
 
+    /// Whether the stop condition answers now: for work that counts as one iteration however long it takes, like preparing
+    /// something that other plans will find ready. The answer is not kept; the next step asks again.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.budget.stop.is_some_and(|stop| stop().is_some())
+    }
+
     /// Iterations begun so far, in all stages.
     #[must_use]
     pub fn iterations(&self) -> u64 {

@@ -8,6 +8,10 @@
 //! touch, could not be told from it. The converse does not hold: floods that meet prove nothing. Finer cells see thinner walls.
 //!
 //! Both floods advance in turn, so the cost is that of the smaller room.
+//!
+//! Two proofs that the world keeps for all questions come before the floods, and are ready at once on a prepared map: pieces of
+//! a grid's free cells that do not meet, which are asked for with the first sample, and the
+//! [room](bikebot_world::World::are_apart) that the widest way leaves at its narrowest.
 
 use crate::budget::Meter;
 use crate::motion::MotionChecker;
@@ -24,6 +28,8 @@ const FINEST: usize = 4096;
 const PATIENCE: u64 = 1024;
 /// Cells that count as one iteration of the budget, so that a deadline holds here too.
 const CELLS_PER_ITERATION: u32 = 64;
+/// Questions about clearance that do, where cells take many of them: some 0.1 ms.
+const QUERIES_PER_ITERATION: u32 = 512;
 
 /// Times a cell may be cut into quarters: to a thousandth of its side.
 const QUARTERINGS: usize = 10;
@@ -33,6 +39,7 @@ const QUERIES_PER_CELL: u32 = 300;
 /// Decides when a search that has not found anything should look for a proof that there is nothing to find.
 #[derive(Debug, Default)]
 pub(crate) struct Doubt {
+    has_asked_map: bool,
     refinement: u32,
 }
 
@@ -46,13 +53,42 @@ impl Doubt {
         goal: Point2,
         meter: &mut Meter<'_>,
     ) -> bool {
+        let world = checker.world();
+        let need = room_needed(checker);
+        if !self.has_asked_map {
+            self.has_asked_map = true;
+            if need > 0.0
+                && world.grid().is_some()
+                && settled(meter, |stop| {
+                    world.are_in_separate_regions(start, goal, stop)
+                })
+            {
+                return true;
+            }
+        }
         if self.refinement >= REFINEMENTS || samples < PATIENCE << self.refinement {
             return false;
+        }
+        if self.refinement == 0
+            && [start, goal].iter().all(|p| world.clearance(*p) >= need)
+            && settled(meter, |stop| world.are_apart(start, goal, need, stop))
+        {
+            return true;
         }
         let cells = COARSEST << self.refinement;
         self.refinement += 1;
         are_separated(checker, start, goal, cells, meter)
     }
+}
+
+/// Asks for a proof whose preparation may take long, as two iterations: what was stopped within must not be taken, when it is
+/// repeated with the iterations it had, for more than it was.
+fn settled(meter: &mut Meter<'_>, proof: impl FnOnce(&dyn Fn() -> bool) -> bool) -> bool {
+    if !meter.step_dearly() {
+        return false;
+    }
+    let is_proved = proof(&|| meter.is_stopped());
+    meter.step_dearly() && is_proved
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -90,12 +126,12 @@ pub fn are_separated(
             along(p.y - bounds.min.y, rows),
         )
     };
-    let may_pass = |column: usize, row: usize| {
+    let may_pass = |column: usize, row: usize, queries: &mut u32| {
         let centre = Point2::new(
             bounds.min.x + (column as f64 + 0.5) * cell,
             bounds.min.y + (row as f64 + 0.5) * cell,
         );
-        has_room(checker, centre, 0.5 * cell)
+        has_room(checker, centre, 0.5 * cell, queries)
     };
 
     let mut marks = vec![Mark::Unseen; columns * rows];
@@ -109,11 +145,16 @@ pub fn are_separated(
         *mark = Mark::Reached(side);
         fronts[usize::from(side)].push_back((column, row));
     }
-    let mut visited = 0u32;
+    let (mut visited, mut queries) = (0u32, 0u32);
     loop {
         for (side, front) in (0u8..).zip(&mut fronts) {
-            if visited.is_multiple_of(CELLS_PER_ITERATION) && !meter.step_dearly() {
+            let is_due =
+                visited.is_multiple_of(CELLS_PER_ITERATION) || queries >= QUERIES_PER_ITERATION;
+            if is_due && !meter.step_dearly() {
                 return false;
+            }
+            if is_due {
+                queries = 0;
             }
             visited += 1;
             let Some((column, row)) = front.pop_front() else {
@@ -125,7 +166,7 @@ pub fn are_separated(
                     match *mark {
                         Mark::Reached(by) if by != side => return false,
                         Mark::Reached(_) | Mark::Blocked => {}
-                        Mark::Unseen if may_pass(near_column, near_row) => {
+                        Mark::Unseen if may_pass(near_column, near_row, &mut queries) => {
                             *mark = Mark::Reached(side);
                             front.push_back((near_column, near_row));
                         }
@@ -137,22 +178,27 @@ pub fn are_separated(
     }
 }
 
+/// The clearance (m) at which a motion of the inscribed disc is accepted.
+fn room_needed(checker: &MotionChecker<'_>) -> f64 {
+    checker.inscribed_radius() + checker.margin() + 0.5 * checker.resolution()
+}
+
 /// Whether the square about `centre` with the given half side (m) may hold a position whose clearance suffices.
 ///
 /// Clearance changes by no more than the way travelled, so one query settles a square that is deep in an obstacle.
 /// Quarters are looked into where it does not: where two obstacles touch, or one touches the edge of the field, the depth on
 /// the seam is zero, and only squares of the size of the resolution see it closed.
-fn has_room(checker: &MotionChecker<'_>, centre: Point2, half: f64) -> bool {
+fn has_room(checker: &MotionChecker<'_>, centre: Point2, half: f64, queries: &mut u32) -> bool {
     let world = checker.world();
-    let need = checker.inscribed_radius() + checker.margin() + 0.5 * checker.resolution();
+    let need = room_needed(checker);
     let mut open = [(centre, half); 3 * QUARTERINGS + 4];
     let mut height = 1;
-    let mut queries = 0;
+    let enough = queries.saturating_add(QUERIES_PER_CELL);
     while height > 0 {
         height -= 1;
         let (centre, half) = open[height];
-        queries += 1;
-        if queries > QUERIES_PER_CELL || world.clearance_lower_bound(centre) >= need {
+        *queries += 1;
+        if *queries > enough || world.clearance_lower_bound(centre) >= need {
             return true;
         }
         let clearance = world.clearance(centre);
@@ -180,7 +226,8 @@ mod tests {
     use super::*;
     use crate::budget::Budget;
     use crate::test_scenes::{block, load, room};
-    use bikebot_world::{Footprint, World};
+    use bikebot_geometry::Pose2;
+    use bikebot_world::{Cell, Footprint, OccupancyGrid, World};
 
     fn separated(
         world: &World,
@@ -286,6 +333,55 @@ mod tests {
             RIGHT,
             256
         ));
+    }
+
+    /// A map of 1 m cells, walled off by one row of them around the goal.
+    fn walled_map(cells: usize) -> World {
+        let (low, high) = (cells / 2, cells / 2 + 40);
+        let on_ring = |v: usize| v == low || v == high;
+        let within = |v: usize| (low..=high).contains(&v);
+        let solid = |i: usize| {
+            let (x, y) = (i % cells, i / cells);
+            (on_ring(x) && within(y)) || (on_ring(y) && within(x))
+        };
+        let cell = |i| if solid(i) { Cell::Occupied } else { Cell::Free };
+        let list = (0..cells * cells).map(cell).collect();
+        let origin = Pose2::new(0.0, 0.0, 0.0);
+        World::from_grid(OccupancyGrid::new(cells, cells, 1.0, origin, list).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_goal_walled_off_on_a_map_is_known_with_the_first_sample() {
+        let world = walled_map(400);
+        let (start, goal) = (Point2::new(9.5, 9.5), Point2::new(220.5, 220.5));
+        let checker = MotionChecker::new(&world, &Footprint::Point, 0.0, 0.02);
+        let unlimited = Budget::unlimited();
+        let mut meter = Meter::new(&unlimited);
+        let proves = |from, to, meter: &mut Meter<'_>| {
+            Doubt::default().proves_separation(1, &checker, from, to, meter)
+        };
+        assert!(proves(start, goal, &mut meter));
+        assert_eq!(meter.iterations(), 2);
+        assert!(!proves(start, Point2::new(390.5, 9.5), &mut meter));
+        // One iteration is not enough, whether the map is prepared or not.
+        for world in [&world, &walled_map(400)] {
+            let checker = MotionChecker::new(world, &Footprint::Point, 0.0, 0.02);
+            let mut meter = Meter::new(&Budget::of_iterations(1));
+            let mut doubt = Doubt::default();
+            assert!(!doubt.proves_separation(1, &checker, start, goal, &mut meter));
+        }
+    }
+
+    #[test]
+    fn a_gap_too_narrow_for_the_disc_is_known_without_a_flood() {
+        let world = halves(0.5, 0.5);
+        let proves = |radius: f64| {
+            let checker = MotionChecker::new(&world, &Footprint::Disc { radius }, 0.0, 0.02);
+            let mut meter = Meter::new(&Budget::of_iterations(2));
+            Doubt::default().proves_separation(PATIENCE, &checker, LEFT, RIGHT, &mut meter)
+        };
+        assert!(!proves(0.2));
+        assert!(proves(0.5));
     }
 
     #[test]

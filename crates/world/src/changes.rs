@@ -1,6 +1,6 @@
 //! A world that differs from another in a few places.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use bikebot_geometry::{Point2, Vector2};
 
@@ -78,6 +78,8 @@ impl World {
             edge: self.edge,
             scene,
             field,
+            regions: OnceLock::new(),
+            bottlenecks: OnceLock::new(),
         })
     }
 

@@ -66,8 +66,8 @@ impl Layout {
             |cells: f64| (width.sqrt() * height.sqrt() / cells.sqrt()).max(longer / cells);
         let size = match resolution {
             None => {
-                let doublings = (of_primitives / LEAST_CELLS).log2().round();
-                size_for((LEAST_CELLS * doublings.exp2()).min(MOST_CELLS))
+                let halves = (2.0 * (of_primitives / LEAST_CELLS).log2()).round();
+                size_for((LEAST_CELLS * (0.5 * halves).exp2()).min(MOST_CELLS))
             }
             Some(resolution) => {
                 let of_grid = width / resolution * (height / resolution);

@@ -17,6 +17,7 @@
 //!
 //! Frame: x right, y up, metres; angles in radians, counter-clockwise from +x.
 
+mod bottlenecks;
 mod boundary;
 mod changes;
 mod clearance_block;
@@ -25,6 +26,7 @@ mod error;
 mod field_edge;
 mod footprint;
 pub mod formats;
+mod free_regions;
 mod grid;
 mod grid_traversal;
 pub mod map_text;

@@ -78,6 +78,27 @@ struct Around {
 }
 
 impl Around {
+    /// The cells of a tile, given its first, that are not farther than `reach` along either axis.
+    #[inline]
+    fn window(&self, reach: f64, x0: usize, y0: usize) -> u64 {
+        // Casts saturate: no shift is beyond the word.
+        let along = |axis: usize, start: usize| {
+            let low = self.min[axis] - reach - start as f64;
+            let high = self.max[axis] + reach - start as f64;
+            if high < 0.0 {
+                return (SIDE, 0);
+            }
+            (low as usize, (high as usize).min(SIDE - 1))
+        };
+        let ((first_x, last_x), (first_y, last_y)) = (along(0, x0), along(1, y0));
+        if first_x > last_x || first_y > last_y {
+            return 0;
+        }
+        let columns = (0xFF << first_x) & (0xFF >> (SIDE - 1 - last_x));
+        let rows = (u64::MAX << (SIDE * first_y)) & (u64::MAX >> (SIDE * (SIDE - 1 - last_y)));
+        (columns * 0x0101_0101_0101_0101) & rows
+    }
+
     /// Squared gaps along an axis to `SIDE` neighbouring intervals of length `step`, the first of which begins at `start`.
     #[inline]
     fn squared_gaps(&self, axis: usize, start: f64, step: f64) -> [f64; SIDE] {
@@ -249,6 +270,56 @@ impl SolidCells {
     /// Side of a cell, m.
     pub(crate) fn resolution(&self) -> f64 {
         self.frame.resolution
+    }
+
+    /// Rows of the grid.
+    pub(crate) fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Calls `found` with the first and one past the last column of each run of free cells in a row, left to right.
+    pub(crate) fn free_runs(&self, y: usize, mut found: impl FnMut(u32, u32)) {
+        let tiles = &self.levels[0];
+        let row = &tiles.solid[y / SIDE * tiles.columns..][..tiles.columns];
+        let shift = y % SIDE * SIDE;
+        let mut begun = None;
+        for (word, eight) in row.chunks(SIDE).enumerate() {
+            let solid = eight.iter().enumerate().fold(0u64, |bits, (i, tile)| {
+                bits | (tile >> shift & 0xFF) << (SIDE * i)
+            });
+            // Ends of runs, of either kind, one after the other.
+            let base = word as u32 * u64::BITS;
+            let mut x = 0;
+            while x < u64::BITS {
+                let rest = solid >> x;
+                match begun {
+                    None => {
+                        x += rest.trailing_ones();
+                        if x < u64::BITS {
+                            begun = Some(base + x);
+                        }
+                    }
+                    Some(start) if rest != 0 => {
+                        x += rest.trailing_zeros();
+                        found(start, base + x);
+                        begun = None;
+                    }
+                    Some(_) => break,
+                }
+            }
+        }
+        let width = self.width as u32;
+        if let Some(start) = begun
+            && start < width
+        {
+            found(start, width);
+        }
+    }
+
+    /// Column and row of the cell that holds `p` (m), if it is a free one.
+    pub(crate) fn free_cell(&self, p: Point2) -> Option<(usize, usize)> {
+        self.locate(self.frame.to_cells(p))
+            .filter(|(x, y)| !self.is_solid(*x, *y))
     }
 
     /// Whether the cell in that column and row is solid; off the grid nothing is.
@@ -424,12 +495,16 @@ impl SolidCells {
         best: &mut Best,
         leaf: &mut impl FnMut(usize, usize, u64, &mut Best),
     ) {
-        let reach = best.squared.sqrt();
+        // A hair more, so that of cells at equal distances none is lost.
+        let reach = best.squared.sqrt() * (1.0 + 1e-12) + 1e-9;
         let mut level = 0;
         let mut size = SIDE as f64;
-        while 2.0 * size < reach && level + 1 < self.levels.len() {
+        // A few more tiles are soon looked through; to enter a node costs more.
+        let mut most = 2.0 * size;
+        while most < reach && level + 1 < self.levels.len() {
             level += 1;
             size *= SIDE as f64;
+            most = size;
         }
         let nodes = &self.levels[level];
         let inverse = size.recip();
@@ -445,14 +520,7 @@ impl SolidCells {
         };
         let columns = first(around.min.x)..end(around.max.x, nodes.columns);
         let rows = first(around.min.y)..end(around.max.y, nodes.rows);
-        if level > 0 {
-            for row in rows {
-                for column in columns.clone() {
-                    self.descend::<SOLID>(level, column, row, around, best, leaf);
-                }
-            }
-            return;
-        }
+        let side = SIDE << (SHIFT * level);
         let gap = |axis: usize, start: usize| {
             let low = start as f64;
             let gap = (low - around.max[axis])
@@ -461,12 +529,18 @@ impl SolidCells {
             gap * gap
         };
         for row in rows {
-            let masks = &nodes.solid[row * nodes.columns..(row + 1) * nodes.columns];
-            let rise = gap(1, row * SIDE);
+            let rise = gap(1, row * side);
             for column in columns.clone() {
-                let mask = if SOLID { masks[column] } else { !masks[column] };
-                if mask != 0 && rise + gap(0, column * SIDE) <= best.squared {
-                    leaf(column * SIDE, row * SIDE, mask, best);
+                let mask = nodes.mask::<SOLID>(row * nodes.columns + column);
+                if mask == 0 || rise + gap(0, column * side) > best.squared {
+                } else if level == 0 {
+                    let (x0, y0) = (column * SIDE, row * SIDE);
+                    let near = mask & around.window(reach, x0, y0);
+                    if near != 0 {
+                        leaf(x0, y0, near, best);
+                    }
+                } else {
+                    self.descend::<SOLID>(level, column, row, around, best, leaf);
                 }
             }
         }
@@ -718,6 +792,16 @@ fn square_distance_squared(q: Vector2, x: usize, y: usize) -> f64 {
 /// Improves on `best` with the cells of a tile, the rows nearest to `q` first.
 #[inline]
 fn nearest_in_tile(q: Vector2, x0: usize, y0: usize, mask: u64, best: &mut Best) {
+    if mask.count_ones() <= 4 {
+        let mut bits = mask;
+        while bits != 0 {
+            let bit = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let (x, y) = (x0 + bit % SIDE, y0 + bit / SIDE);
+            best.improve(square_distance_squared(q, x, y), CellId::new(x, y));
+        }
+        return;
+    }
     let last = (SIDE - 1) as f64;
     let column = (q.x - x0 as f64).clamp(0.0, last) as usize;
     let middle = (q.y - y0 as f64).clamp(0.0, last) as usize;

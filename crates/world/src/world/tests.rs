@@ -577,3 +577,143 @@ proptest! {
         }
     }
 }
+
+/// Two rooms with a wall of one cell between them, and a door of `door` cells at its middle.
+fn two_rooms(cells: usize, door: usize, yaw: f64) -> OccupancyGrid {
+    let middle = cells / 2;
+    let is_door = |y: usize| y.abs_diff(middle) * 2 < door;
+    let list = (0..cells * cells)
+        .map(|i| match i % cells == middle && !is_door(i / cells) {
+            true => Cell::Occupied,
+            false => Cell::Free,
+        })
+        .collect();
+    OccupancyGrid::new(cells, cells, 0.1, Pose2::new(1.0, 2.0, yaw), list).expect("valid")
+}
+
+#[test]
+fn rooms_without_a_door_are_separate_however_thin_the_wall() {
+    for yaw in [0.0, 0.6] {
+        for (door, separate) in [(0, true), (1, false), (9, false)] {
+            let grid = two_rooms(200, door, yaw);
+            let at = |x: f64, y: f64| grid.from_cell_coordinates(Vector2::new(x, y));
+            let (a, b, c) = (at(20.5, 30.5), at(180.5, 30.5), at(50.5, 150.5));
+            let world = World::from_grid(grid.clone()).expect("valid");
+            let go = || false;
+            assert_eq!(world.are_in_separate_regions(a, b, &go), separate);
+            assert!(!world.are_in_separate_regions(a, c, &go));
+            assert!(!world.are_in_separate_regions(a, p(-99.0, 0.0), &go));
+            let stopped = World::from_grid(grid).expect("valid");
+            assert!(!stopped.are_in_separate_regions(a, b, &|| true));
+        }
+    }
+}
+
+#[test]
+fn a_door_parts_two_rooms_for_what_is_wider_than_it() {
+    for yaw in [0.0, 0.6] {
+        // 0.9 m wide.
+        let grid = two_rooms(200, 9, yaw);
+        let at = |x: f64, y: f64| grid.from_cell_coordinates(Vector2::new(x, y));
+        let (a, b, c) = (at(20.5, 30.5), at(180.5, 30.5), at(50.5, 150.5));
+        let world = World::from_grid(grid.clone()).expect("valid");
+        let apart = |a, b, clearance| world.are_apart(a, b, clearance, &|| false);
+        let slack = std::f64::consts::SQRT_2 * world.clearance_cell_size();
+        for clearance in [1e-6, 0.1, 0.44] {
+            assert!(!apart(a, b, clearance));
+        }
+        assert!(apart(a, b, 0.46 + slack));
+        assert!(!apart(a, c, 0.46 + slack));
+        // Nobody has so much room anywhere, and no clearance at all can always be kept.
+        assert!(apart(a, b, 50.0));
+        for clearance in [0.0, -1.0, f64::NAN] {
+            assert!(!apart(a, b, clearance));
+        }
+    }
+}
+
+/// Against a flood over the same cells, for every threshold.
+#[test]
+fn the_bound_on_the_room_between_two_places_is_that_of_a_flood() {
+    let world = World::from_grid(patchy(40, 30, 0.5, Pose2::new(0.0, 0.0, 0.2))).expect("valid");
+    let (columns, rows) = world.clearance_cells();
+    let half = 0.5 * SQRT_2 * world.clearance_cell_size();
+    let bound = |i: usize| world.clearance_cell_centre(i % columns, i / columns).1 + half;
+    for need in [0.05, 0.2, 0.31, 0.6] {
+        let mut piece = vec![usize::MAX; columns * rows];
+        for first in 0..piece.len() {
+            if piece[first] != usize::MAX || bound(first) < need {
+                continue;
+            }
+            let mut open = vec![first];
+            piece[first] = first;
+            while let Some(i) = open.pop() {
+                let (x, y) = (i % columns, i / columns);
+                for ny in y.saturating_sub(1)..(y + 2).min(rows) {
+                    for nx in x.saturating_sub(1)..(x + 2).min(columns) {
+                        let n = ny * columns + nx;
+                        if piece[n] == usize::MAX && bound(n) >= need {
+                            piece[n] = first;
+                            open.push(n);
+                        }
+                    }
+                }
+            }
+        }
+        let inside: Vec<usize> = (0..piece.len())
+            .filter(|i| piece[*i] != usize::MAX && (bound(*i) - need).abs() > 1e-6)
+            .collect();
+        for k in 0..3_000_u64 {
+            let pick = |k: u64| inside[(hashed(k) * inside.len() as f64) as usize];
+            let (a, b) = (pick(2 * k), pick(2 * k + 1));
+            let centre = |i: usize| world.clearance_cell_centre(i % columns, i / columns).0;
+            let apart = world.are_apart(centre(a), centre(b), need, &|| false);
+            assert_eq!(apart, piece[a] != piece[b]);
+        }
+    }
+}
+
+#[test]
+fn a_prepared_world_answers_as_one_that_is_not_and_preparing_can_be_stopped_and_resumed() {
+    let build = || World::from_grid(patchy(90, 60, 0.2, Pose2::new(0.0, 0.0, 0.3))).expect("valid");
+    let (lazy, eager) = (build(), build());
+    let mut rounds = 0_u32;
+    loop {
+        // Stopped at ever later questions.
+        rounds += 1;
+        let left = std::cell::Cell::new(rounds);
+        let stop = || {
+            left.set(left.get().saturating_sub(1));
+            left.get() == 0
+        };
+        let before = eager.prepared_bytes();
+        if eager.prepare(&stop) {
+            break;
+        }
+        assert!(eager.prepared_bytes() >= before);
+    }
+    assert!(rounds > 3);
+    assert!(eager.prepared_bytes() > lazy.prepared_bytes());
+    for k in 0..3_000 {
+        let q = p(18.0 * hashed(k) - 2.0, 16.0 * hashed(k + 31_337));
+        assert_eq!(lazy.clearance(q).to_bits(), eager.clearance(q).to_bits());
+        assert_eq!(
+            lazy.clearance_lower_bound(q).to_bits(),
+            eager.clearance_lower_bound(q).to_bits()
+        );
+    }
+}
+
+#[test]
+fn building_can_be_stopped() {
+    let grid = patchy(600, 600, 0.2, Pose2::new(0.0, 0.0, 0.0));
+    for questions in [1, 2] {
+        let left = std::cell::Cell::new(questions);
+        let stop = || {
+            left.set(left.get() - 1);
+            left.get() == 0
+        };
+        let built = World::build_unless(grid.bounds(), Vec::new(), Some(grid.clone()), &stop);
+        assert!(matches!(built, Ok(None)));
+    }
+}
