@@ -39,7 +39,7 @@ impl Bottlenecks {
         let layout = field.layout();
         let (columns, rows) = (layout.columns, layout.rows);
         // The bits of positive numbers are in the order of the numbers.
-        let mut keyed: Vec<(u32, u32)> = Vec::new();
+        let mut keyed: Vec<(u32, u32)> = Vec::with_capacity(columns * rows);
         for row in 0..rows {
             if row % 8 == 0 && stop() {
                 return None;
@@ -54,6 +54,9 @@ impl Bottlenecks {
         }
         sort_by_key(&mut keyed, stop)?;
         let mut parents: Vec<u32> = (0..(columns * rows) as u32).collect();
+        if stop() {
+            return None;
+        }
         let mut bounds = vec![f32::NEG_INFINITY; columns * rows];
         // Cells below each root; 0 for cells not taken yet.
         let mut sizes = vec![0u32; columns * rows];

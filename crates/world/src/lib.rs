@@ -11,7 +11,11 @@
 //! | [`World::footprint_clearance`] | the same for a [`Footprint`] carried by a pose |
 //! | [`World::overlaps`] | does the footprint touch anything solid? |
 //! | [`World::cast_ray`], [`World::cast_fan`] | how far does a beam travel? |
+//! | [`World::are_in_separate_regions`], [`World::are_apart`] | is it proved that no way leads from one place to another? |
 //! | [`World::visit_boundary`] | the sides, blocks and discs in a region |
+//!
+//! Building takes little more than a look at each cell and shape; what queries need beyond that is made as they come by, or at once
+//! by [`World::prepare`]. [`World::with_changes`] gives the world after a change, and shares all the change cannot reach.
 //!
 //! [`formats`] turns the bytes of map files into worlds; this crate opens no file itself.
 //!

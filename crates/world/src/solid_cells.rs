@@ -22,6 +22,9 @@ const SHIFT: usize = 3;
 /// Cells looked at between two questions to the stop condition while the bits are gathered: some 0.1 ms.
 const CELLS_BETWEEN_STOPS: usize = 1 << 17;
 
+/// Rows of nodes between two such questions while the pyramid is built.
+const ROWS_BETWEEN_STOPS: usize = 32;
+
 /// A cell of the grid in one word: column and row, 16 bits each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct CellId(u32);
@@ -222,10 +225,7 @@ impl SolidCells {
         while let Some(below) = levels.last()
             && below.solid.len() > 1
         {
-            if stop() {
-                return None;
-            }
-            let level = level_over(below);
+            let level = level_over(below, stop)?;
             levels.push(level);
         }
         Some(Self {
@@ -760,7 +760,7 @@ fn write_bit(word: &mut u64, bit: u64, value: bool) {
     }
 }
 
-fn level_over(below: &Level) -> Level {
+fn level_over(below: &Level, stop: &dyn Fn() -> bool) -> Option<Level> {
     let (columns, rows) = (below.columns.div_ceil(SIDE), below.rows.div_ceil(SIDE));
     let mut level = Level {
         columns,
@@ -769,6 +769,9 @@ fn level_over(below: &Level) -> Level {
         free: vec![0; columns * rows],
     };
     for row in 0..below.rows {
+        if row % ROWS_BETWEEN_STOPS == 0 && stop() {
+            return None;
+        }
         for column in 0..below.columns {
             let child = row * below.columns + column;
             let index = row / SIDE * columns + column / SIDE;
@@ -777,7 +780,7 @@ fn level_over(below: &Level) -> Level {
             level.free[index] |= u64::from(below.mask::<false>(child) != 0) << bit;
         }
     }
-    level
+    Some(level)
 }
 
 /// Squared distance in cells² from `q` to the square of a cell.
