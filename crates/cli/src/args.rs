@@ -57,6 +57,7 @@ pub struct Cli {
 pub enum Verb {
     Run(commands::run::RunArgs),
     Plan(commands::plan::PlanArgs),
+    Table2(commands::table2::Table2Args),
     Sweep(commands::sweep::SweepArgs),
     Check(commands::check::CheckArgs),
     Explain(commands::explain::ExplainArgs),
@@ -306,6 +307,7 @@ mod tests {
             [
                 "run",
                 "plan",
+                "table2",
                 "sweep",
                 "check",
                 "explain",

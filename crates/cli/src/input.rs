@@ -221,6 +221,25 @@ impl Loaded {
         )
     }
 
+    /// A scenario that comes with the program, with the files it names.
+    pub fn built_in(
+        text: &str,
+        files: &[(&str, &[u8])],
+        changes: &Changes,
+    ) -> Result<Self, Failure> {
+        let files = files
+            .iter()
+            .map(|&(name, bytes)| (name.to_owned(), bytes.to_owned()))
+            .collect();
+        Self::parse(
+            "<built-in>".to_owned(),
+            text.to_owned(),
+            Files::Attached(files),
+            given(changes, Vec::new())?,
+            false,
+        )
+    }
+
     /// The scenario a recording carries.
     pub fn recorded(
         recording: &Path,

@@ -22,6 +22,7 @@ pub mod record;
 mod ride_metrics;
 pub mod scenario;
 pub mod setup;
+pub mod study;
 pub mod sweep;
 pub mod true_plant;
 

@@ -11,6 +11,7 @@ pub mod plan;
 pub mod run;
 pub mod schema;
 pub mod sweep;
+pub mod table2;
 
 use std::io::{self, Write};
 use std::process::ExitCode;

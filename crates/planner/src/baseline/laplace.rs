@@ -95,11 +95,10 @@ impl<'g, 'c, 'w> Potential<'g, 'c, 'w> {
         self.values[cell]
     }
 
-    /// Direction in which u, interpolated bilinearly between the centres, rises most at `p` (m); `None` where it is level.
-    fn direction(&self, p: Point2) -> Option<Vector2> {
-        let at = self.grid.coordinates(p);
-        let (column, row) = (at.x.floor(), at.y.floor());
-        let (fx, fy) = (at.x - column, at.y - row);
+    /// u at `p` in cells from the centre of cell 0, interpolated bilinearly between the centres.
+    fn interpolated(&self, p: Vector2) -> f64 {
+        let (column, row) = (p.x.floor(), p.y.floor());
+        let (fx, fy) = (p.x - column, p.y - row);
         let u = |dx: f64, dy: f64| {
             let (x, y) = (column + dx, row + dy);
             let on_field = x >= 0.0
@@ -113,17 +112,24 @@ impl<'g, 'c, 'w> Potential<'g, 'c, 'w> {
                 0.0
             }
         };
-        let [a, b, c, d] = [u(0.0, 0.0), u(1.0, 0.0), u(0.0, 1.0), u(1.0, 1.0)];
+        (u(0.0, 0.0) * (1.0 - fx) + u(1.0, 0.0) * fx) * (1.0 - fy)
+            + (u(0.0, 1.0) * (1.0 - fx) + u(1.0, 1.0) * fx) * fy
+    }
+
+    /// Direction in which u rises most about `p` (m), by differences over one cell: the gradient of the interpolation itself
+    /// jumps from cell to cell, and a streamline of it has a kink at each. `None` where u is level.
+    fn direction(&self, p: Point2) -> Option<Vector2> {
+        let at = self.grid.coordinates(p);
+        let half = 0.5;
+        let u = |dx: f64, dy: f64| self.interpolated(at + Vector2::new(dx, dy));
+        let [left, right, below, above] =
+            [u(-half, 0.0), u(half, 0.0), u(0.0, -half), u(0.0, half)];
         // In units of the largest, or the squares of small values vanish.
-        let unit = a.max(b).max(c).max(d);
+        let unit = left.max(right).max(below).max(above);
         if unit <= 0.0 || unit.is_nan() {
             return None;
         }
-        let [a, b, c, d] = [a / unit, b / unit, c / unit, d / unit];
-        let gradient = Vector2::new(
-            (b - a) * (1.0 - fy) + (d - c) * fy,
-            (c - a) * (1.0 - fx) + (d - b) * fx,
-        );
+        let gradient = Vector2::new(right / unit - left / unit, above / unit - below / unit);
         let norm = gradient.norm();
         (norm > 0.0).then(|| gradient / norm)
     }

@@ -1,0 +1,177 @@
+//! `bikebot table2`: every row of the paper's Table 2, measured now.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use bikebot_sim::study::{Table2, Table2Study};
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use crate::args::{Changes, Force, runs, threads};
+use crate::diag::Diagnostic;
+use crate::exit::{Ending, Exit, Failure};
+use crate::input::{Kind, Loaded};
+use crate::interrupt;
+use crate::output::Output;
+use crate::terminal::Terminal;
+
+/// The built-in scenario, and the map it names.
+const SCENARIO: &str = include_str!("../../../../scenarios/planning/fig6.toml");
+const MAP: (&str, &[u8]) = (
+    "../maps/fig6.json",
+    include_bytes!("../../../../scenarios/maps/fig6.json"),
+);
+
+/// Measure every row of the paper's Table 2, beside the printed figures
+///
+/// Plans with every method on one field and compares length, roughness, curvature
+/// and time. Without SCENARIO the field is our reconstruction of the paper's yard.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  bikebot table2
+  bikebot table2 --runs 100 --format markdown -o table2.md
+  bikebot table2 maze.toml --runs 5 --json | jq '.rows[] | {method, length_m}'")]
+pub struct Table2Args {
+    /// Scenario file (TOML) whose field, ends and curvature limit to use [default: the paper's yard]
+    #[arg(value_name = "SCENARIO")]
+    pub scenario: Option<PathBuf>,
+    /// Runs of each method, with seeds SEED, SEED+1, …; methods without chance run once
+    #[arg(long, value_name = "N", default_value_t = 20, allow_hyphen_values = true, value_parser = runs)]
+    pub runs: u64,
+    /// How to write the table
+    #[arg(
+        long,
+        value_name = "FORMAT",
+        default_value = "text",
+        hide_possible_values = true,
+        help = "How to write the table: text, markdown, csv or json"
+    )]
+    pub format: Format,
+    /// The same as --format json
+    #[arg(long, conflicts_with = "format")]
+    pub json: bool,
+    #[command(flatten)]
+    pub changes: Changes,
+    /// Plans made at the same time; more than one disturb each other's times, and nothing else
+    #[arg(long, value_name = "N", default_value_t = 1, allow_hyphen_values = true, value_parser = threads)]
+    pub jobs: usize,
+    /// Write the table to this file
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub force: Force,
+}
+
+/// How to write the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Aligned columns.
+    Text,
+    /// A table in Markdown.
+    Markdown,
+    /// One line per row, means and quantiles.
+    Csv,
+    /// One object.
+    Json,
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Table2Json<'t> {
+    scenario: &'t str,
+    #[serde(flatten)]
+    table: &'t Table2,
+    version: &'static str,
+}
+
+/// Measures, and tells.
+pub fn run(args: &Table2Args, terminal: &Terminal) -> Ending {
+    let loaded = match &args.scenario {
+        Some(path) if path.is_file() && Kind::of(path) == Kind::Map => {
+            return Err(Failure::usage(
+                Diagnostic::error(format!("{} is a map, not a scenario", path.display())).help(
+                    "a scenario names the map, the start and the goal; `bikebot init` writes one to begin with",
+                ),
+            ));
+        }
+        Some(path) => Loaded::read(path, &args.changes)?,
+        None => Loaded::built_in(SCENARIO, &[MAP], &args.changes)?,
+    };
+    let setup = loaded.setup(terminal)?;
+    let Some(problem) = setup.problem() else {
+        return Err(Failure::usage(loaded.tell(&loaded.file().error_at(
+            "path",
+            "there is nothing to plan: the scenario has no map with a start and a goal",
+            "add [map] and [goal]",
+        ))));
+    };
+    let output = match &args.output {
+        Some(path) => Some(Output::create(path, args.force.force)?),
+        None => None,
+    };
+    interrupt::install()?;
+    let began = Instant::now();
+    let study = Table2Study {
+        problem: &problem,
+        params: &setup.planner,
+        runs: args.runs,
+        seed: setup.seed,
+        jobs: args.jobs,
+        clock: &|| began.elapsed().as_secs_f64(),
+        stop: &interrupt::asked,
+    };
+    let bar = terminal.progress(study.plans(), "planning");
+    let table = study.measure(&mut || bar.inc(1));
+    bar.finish_and_clear();
+    let table = match table {
+        Ok(table) => table,
+        Err(error) => {
+            if let Some(output) = output {
+                output.discard();
+            }
+            return Err(Failure::usage(loaded.tell_plan(&error)));
+        }
+    };
+    let text = match (args.json, args.format) {
+        (true, _) | (_, Format::Json) => json(&setup.name, &table)?,
+        (_, Format::Text) => {
+            let runs = if args.runs == 1 { "run" } else { "runs" };
+            let title = format!(
+                "Table 2 on {}, {} {runs} from seed {}\n\n",
+                setup.name, args.runs, setup.seed
+            );
+            title + &table.to_text(args.scenario.is_none())
+        }
+        (_, Format::Markdown) => table.to_markdown(args.scenario.is_none()),
+        (_, Format::Csv) => table.to_csv(),
+    };
+    match output {
+        Some(output) => {
+            let path = output.write_all(text.as_bytes())?;
+            terminal.remark(&format!("wrote {}", path.display()));
+        }
+        None => terminal.print(&text)?,
+    }
+    // That a method finds nothing is what the table tells, not a failure of it.
+    Ok(if table.interrupted {
+        Exit::Interrupted
+    } else {
+        Exit::Done
+    })
+}
+
+fn json(scenario: &str, table: &Table2) -> Result<String, Failure> {
+    let json = Table2Json {
+        scenario,
+        table,
+        version: env!("CARGO_PKG_VERSION"),
+    };
+    let mut text = serde_json::to_string(&json).map_err(|error| {
+        Failure::io(Diagnostic::error(format!(
+            "cannot write the table: {error}"
+        )))
+    })?;
+    text.push('\n');
+    Ok(text)
+}
