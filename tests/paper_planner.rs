@@ -185,7 +185,7 @@ fn read_to_the_letter_algorithm_1_finds_nothing() {
     for seed in SEEDS {
         let report = yard.plan(&PlannerParams::literal(), seed);
         assert_eq!(report.outcome, Outcome::Exhausted);
-        assert_eq!(report.reason, Reason::CurvatureInfeasible);
+        assert_eq!(report.reason, Reason::NoCurve);
         assert!(report.path.is_none());
         // The first two stages are not at fault.
         assert!(report.stages.guide.is_some());
@@ -422,8 +422,10 @@ fn the_same_seed_gives_the_same_bits_on_any_thread() {
         };
         let first = yard.plan(&params, 7);
         assert!(!bits(&first).is_empty());
+        // The best path of "full" is that of the grid's guide here, which needs no chance.
         let is_same = bits(&first) == bits(&yard.plan(&params, 8));
-        assert_eq!(is_same, method.is_deterministic(), "{method}");
+        let is_expected = method.is_deterministic() || method == Method::Full;
+        assert_eq!(is_same, is_expected, "{method}");
         std::thread::scope(|scope| {
             let runs: Vec<_> = (0..3)
                 .map(|_| scope.spawn(|| bits(&yard.plan(&params, 7))))

@@ -41,7 +41,7 @@ fn each_ride_meets_its_expectations() {
 #[test]
 fn each_planning_scene_is_planned_but_the_one_read_to_the_letter() {
     let names = shipped("planning");
-    assert_eq!(names.len(), 7, "{names:?}");
+    assert_eq!(names.len(), 8, "{names:?}");
     for name in names {
         let setup = common::setup(&name, &[]);
         let report = bikebot::sim::plan(&setup, &|| false).expect("a problem that makes sense");

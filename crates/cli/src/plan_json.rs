@@ -2,7 +2,7 @@
 
 use bikebot_geometry::Point2;
 use bikebot_planner::report::sampling_step;
-use bikebot_planner::{EndPose, PlanError, PlanReport, PlanningProblem};
+use bikebot_planner::{EndPose, PlanError, PlanReport, PlanningProblem, TraceEntry};
 use bikebot_sim::Setup;
 use bikebot_sim::record::ResultHasher;
 use serde::Serialize;
@@ -72,6 +72,7 @@ pub struct TraceJson {
     stage: Value,
     length_m: f64,
     cost: f64,
+    certified: bool,
 }
 
 /// When what happened, as the caller's clock saw it, s.
@@ -115,16 +116,21 @@ impl PlanJson {
                 stage: name(&entry.stage).into(),
                 length_m: entry.length,
                 cost: entry.cost,
+                certified: entry.certified,
             })
             .collect();
-        // A method that keeps to headings and curvature certifies first in its last stage.
+        // What a method that ignores headings and curvature returns is known when its last stage begins to know it.
         let last_stage = report.trace.last().map(|entry| entry.stage);
+        let is_first = |entry: &TraceEntry| {
+            entry.certified
+                || (!report.method.is_curvature_limited() && Some(entry.stage) == last_stage)
+        };
         let first = report.path.is_some().then(|| {
             report
                 .trace
                 .iter()
                 .zip(&times.trace)
-                .find(|(entry, _)| Some(entry.stage) == last_stage)
+                .find(|(entry, _)| is_first(entry))
                 .map_or(times.plan, |(_, time)| *time)
         });
         Self {

@@ -151,7 +151,7 @@ fn a_plan_that_is_interrupted_tells_what_it_has() {
     .unwrap();
     let child = bikebot(
         folder.path(),
-        "plan yard.json --set planner.iterations=1000000000 --json",
+        "plan yard.json --method paper --set planner.iterations=1000000000 --json",
     )
     .stdout(Stdio::piped())
     .stderr(Stdio::piped())

@@ -130,6 +130,7 @@ mod tests {
             tolerance: 0.0,
             max_step: 5.0,
             max_samples: 100_000,
+            shorter_than: f64::INFINITY,
         };
         let mut chance = Chance::new(seed, Purpose::Birrt, 0);
         let mut meter = Meter::new(budget);

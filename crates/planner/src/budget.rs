@@ -44,6 +44,36 @@ pub struct Budget<'a> {
     pub iterations: Option<u64>,
     /// Asked at least every [`Meter::CHECK_EVERY`] iterations; an answer ends the search.
     pub stop: Option<&'a (dyn Fn() -> Option<StopReason> + Sync)>,
+    /// What is good enough to stop at before the budget ends. Heeded by the anytime method, `full`.
+    pub enough: Option<Enough<'a>>,
+    /// Threads to search with; 0 counts as 1. The result is the same for any number.
+    pub threads: usize,
+}
+
+/// When an anytime search may stop before its budget ends: with a path of at most this cost, but not before `settled` says so.
+#[derive(Clone, Copy)]
+pub struct Enough<'a> {
+    /// w_p (L + w_J J), m for a length weight of 1.
+    pub cost: f64,
+    /// Whether the least time of the search has passed; `None`: it has.
+    pub settled: Option<&'a (dyn Fn() -> bool + Sync)>,
+}
+
+impl Enough<'_> {
+    /// Whether a path of this cost ends the search now.
+    #[must_use]
+    pub fn is_met_by(&self, cost: f64) -> bool {
+        cost <= self.cost && self.settled.is_none_or(|settled| settled())
+    }
+}
+
+impl std::fmt::Debug for Enough<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Enough")
+            .field("cost", &self.cost)
+            .field("settled", &self.settled.map(|_| "closure"))
+            .finish()
+    }
 }
 
 impl<'a> Budget<'a> {
@@ -58,7 +88,7 @@ impl<'a> Budget<'a> {
     pub fn of_iterations(iterations: u64) -> Self {
         Self {
             iterations: Some(iterations),
-            stop: None,
+            ..Self::default()
         }
     }
 
@@ -66,8 +96,8 @@ impl<'a> Budget<'a> {
     #[must_use]
     pub fn until(stop: &'a (dyn Fn() -> Option<StopReason> + Sync)) -> Self {
         Self {
-            iterations: None,
             stop: Some(stop),
+            ..Self::default()
         }
     }
 }
@@ -77,6 +107,8 @@ impl std::fmt::Debug for Budget<'_> {
         f.debug_struct("Budget")
             .field("iterations", &self.iterations)
             .field("stop", &self.stop.map(|_| "closure"))
+            .field("enough", &self.enough)
+            .field("threads", &self.threads)
             .finish()
     }
 }
@@ -155,6 +187,48 @@ impl<'a> Meter<'a> {
     #[must_use]
     pub fn is_stopped(&self) -> bool {
         self.budget.stop.is_some_and(|stop| stop().is_some())
+    }
+
+    /// A meter for one of several searches that run at the same time, with all that is left of this one's budget.
+    #[must_use]
+    pub(crate) fn fork(&self) -> Self {
+        let left = self.budget.iterations.map(|limit| limit - self.iterations);
+        Self {
+            budget: Budget {
+                iterations: left,
+                ..self.budget
+            },
+            iterations: 0,
+            cut_short: self.cut_short,
+        }
+    }
+
+    /// Whether what `fork` spent is still within the budget here: whether the search it belongs to would have gone the same way had
+    /// it run after all that is counted here already.
+    pub(crate) fn has_room_for(&self, fork: &Self) -> bool {
+        self.budget
+            .iterations
+            .is_none_or(|limit| fork.iterations <= limit - self.iterations)
+    }
+
+    /// Counts what `fork` spent, and ends if it was ended.
+    pub(crate) fn join(&mut self, fork: &Self) {
+        self.iterations += fork.iterations;
+        self.cut_short = self.cut_short.or(fork.cut_short);
+    }
+
+    /// Threads to search with, at least one.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.budget.threads.max(1)
+    }
+
+    /// Whether a path of this cost is good enough to stop at.
+    #[must_use]
+    pub fn is_content_with(&self, cost: f64) -> bool {
+        self.budget
+            .enough
+            .is_some_and(|enough| enough.is_met_by(cost))
     }
 
     /// Iterations begun so far, in all stages.

@@ -53,32 +53,50 @@ impl Doubt {
         goal: Point2,
         meter: &mut Meter<'_>,
     ) -> bool {
-        let world = checker.world();
-        let need = room_needed(checker);
         if !self.has_asked_map {
             self.has_asked_map = true;
-            if need > 0.0
-                && world.grid().is_some()
-                && settled(meter, |stop| {
-                    world.are_in_separate_regions(start, goal, stop)
-                })
-            {
+            if are_in_separate_regions(checker, start, goal, meter) {
                 return true;
             }
         }
         if self.refinement >= REFINEMENTS || samples < PATIENCE << self.refinement {
             return false;
         }
-        if self.refinement == 0
-            && [start, goal].iter().all(|p| world.clearance(*p) >= need)
-            && settled(meter, |stop| world.are_apart(start, goal, need, stop))
-        {
+        if self.refinement == 0 && are_in_separate_rooms(checker, start, goal, meter) {
             return true;
         }
         let cells = COARSEST << self.refinement;
         self.refinement += 1;
         are_separated(checker, start, goal, cells, meter)
     }
+}
+
+/// Whether start and goal lie in pieces of a grid's free cells that do not meet: ready at once on a prepared map.
+pub(crate) fn are_in_separate_regions(
+    checker: &MotionChecker<'_>,
+    start: Point2,
+    goal: Point2,
+    meter: &mut Meter<'_>,
+) -> bool {
+    let world = checker.world();
+    room_needed(checker) > 0.0
+        && world.grid().is_some()
+        && settled(meter, |stop| {
+            world.are_in_separate_regions(start, goal, stop)
+        })
+}
+
+/// Whether the widest way between start and goal is too narrow at its narrowest, which is ready at once on a prepared map: on another it
+/// takes all cells of the clearance field.
+pub(crate) fn are_in_separate_rooms(
+    checker: &MotionChecker<'_>,
+    start: Point2,
+    goal: Point2,
+    meter: &mut Meter<'_>,
+) -> bool {
+    let (world, need) = (checker.world(), room_needed(checker));
+    [start, goal].iter().all(|p| world.clearance(*p) >= need)
+        && settled(meter, |stop| world.are_apart(start, goal, need, stop))
 }
 
 /// Asks for a proof whose preparation may take long, as two iterations: what was stopped within must not be taken, when it is

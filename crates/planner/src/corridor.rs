@@ -537,6 +537,7 @@ mod tests {
             tolerance: 0.0,
             max_step: params.max_step(),
             max_samples: params.search_iterations,
+            shorter_than: f64::INFINITY,
         };
         let mut start = 0;
         loop {

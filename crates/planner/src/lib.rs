@@ -14,9 +14,12 @@ pub mod connectivity;
 pub mod corridor;
 mod corridor_ends;
 pub mod cost;
+pub mod dead_end;
 pub mod end_arcs;
 pub mod error;
+mod full;
 pub mod guide;
+mod in_order;
 pub mod kd_tree;
 pub mod metrics;
 pub mod motion;
@@ -41,7 +44,7 @@ pub mod tree;
 #[cfg(test)]
 mod visibility;
 
-pub use budget::{Budget, CutShort, Meter, StopReason};
+pub use budget::{Budget, CutShort, Enough, Meter, StopReason};
 pub use error::{End, PlanError};
 pub use metrics::PathMetrics;
 pub use motion::MotionChecker;

@@ -17,6 +17,7 @@ use crate::birrt;
 use crate::budget::{Budget, CutShort, Meter};
 use crate::chance::{Chance, Purpose};
 use crate::error::PlanError;
+use crate::full::Full;
 use crate::metrics::PathMetrics;
 use crate::motion::MotionChecker;
 use crate::params::{GoalMode, Method, PlannerParams};
@@ -24,8 +25,9 @@ use crate::problem::{EndPose, PlanningProblem};
 use crate::report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};
 use crate::search::{PointQuery, PointSearch};
 use crate::taut::{self, Rivals};
-use crate::{corridor, rrt, rrt_star, shortcut};
+use crate::{corridor, dead_end, rrt, rrt_star, shortcut};
 use bikebot_geometry::{CurvePath, Point2, Polyline, Pose2, angle};
+use std::f64::consts::PI;
 
 /// How closely the least clearance of a path is found, in units of δ: to 2 mm on the yard.
 const CLEARANCE_TOLERANCE: f64 = 0.1;
@@ -79,7 +81,11 @@ pub fn plan_observed(
         trace: Vec::new(),
         observe,
     };
-    let (end, path) = run.method();
+    let (end, path) = if run.is_dead_end() {
+        (End::DeadEnd, None)
+    } else {
+        run.method()
+    };
     Ok(run.report(end, path))
 }
 
@@ -87,6 +93,8 @@ pub fn plan_observed(
 enum End {
     Found,
     Disconnected,
+    /// No curve leaves the start, or reaches the goal, along the heading prescribed.
+    DeadEnd,
     /// No polyline was found.
     NoWay,
     /// A polyline was found, but no curves along it.
@@ -123,6 +131,7 @@ impl Run<'_, '_, '_> {
                 Err(end) => (end, None),
             },
             Method::Paper => self.paper(),
+            Method::Full => self.full(),
             Method::Laplace
             | Method::LinearProgram
             | Method::MpcLaplace
@@ -155,11 +164,38 @@ impl Run<'_, '_, '_> {
             Some(path) => {
                 let length = path.length();
                 let bending = params.curvature_weight * path.bending() / (length * length);
-                self.note(Stage::Mpc, length, params.length_weight * length + bending);
+                let cost = params.length_weight * length + bending;
+                self.note(Stage::Mpc, length, cost, true);
                 (End::Found, Some(PlannedPath::Curves(path)))
             }
             None => (End::NoCurve, None),
         }
+    }
+
+    /// Whether it is proven that an end cannot be left, or reached, along its heading.
+    fn is_dead_end(&mut self) -> bool {
+        if !self.params.method.is_curvature_limited() {
+            return false;
+        }
+        let (start, goal) = (&self.problem.start, &self.problem.goal);
+        let straight = (goal.position - start.position).norm();
+        let (goal_heading, at_least) = match self.params.goal {
+            GoalMode::Pose => (goal.heading, straight),
+            GoalMode::Ball => (None, straight - goal.tolerance),
+        };
+        let ends = [
+            start.heading.map(|heading| (start.position, heading)),
+            goal_heading.map(|heading| (goal.position, angle::wrap(heading + PI))),
+        ];
+        // Travelled backwards, the outline's front is behind.
+        let footprints = [&self.checker, &self.discs];
+        ends.into_iter().zip(footprints).any(|(end, checker)| {
+            end.is_some_and(|(position, heading)| {
+                let end = Pose2 { position, heading };
+                let limit = self.problem.max_curvature;
+                dead_end::is_proven(checker, &end, limit, at_least, &mut self.meter)
+            })
+        })
     }
 
     /// Whether there is nothing to ride: the start is an arrival already.
@@ -196,6 +232,41 @@ impl Run<'_, '_, '_> {
         (End::NoCurve, None)
     }
 
+    /// The default.
+    fn full(&mut self) -> (End, Option<PlannedPath>) {
+        let full = Full {
+            problem: self.problem,
+            params: self.params,
+            seed: self.seed,
+            checker: &self.checker,
+            discs: &self.discs,
+        };
+        let (trace, observe) = (&mut self.trace, &mut self.observe);
+        let found = full.search(&mut self.meter, &mut |step| {
+            let entry = TraceEntry {
+                iteration: step.iteration,
+                stage: step.stage,
+                length: step.length,
+                cost: step.cost,
+                certified: step.curves.is_some(),
+            };
+            observe(&entry);
+            trace.push(entry);
+        });
+        self.stages = found.stages;
+        let path = found
+            .best
+            .and_then(|best| CurvePath::new(best.curves).ok())
+            .map(PlannedPath::Curves);
+        let end = match (&path, found.disconnected, found.has_way) {
+            (Some(_), ..) => End::Found,
+            (None, true, _) => End::Disconnected,
+            (None, false, true) => End::NoCurve,
+            (None, false, false) => End::NoWay,
+        };
+        (end, path)
+    }
+
     /// Lines 6–38.
     fn corridor(&mut self, guide: &[Point2], start: u32) -> Option<PlannedPath> {
         let guide = Polyline::new(guide.to_vec()).ok()?;
@@ -214,6 +285,7 @@ impl Run<'_, '_, '_> {
                     stage: Stage::Corridor,
                     length: improvement.length,
                     cost: improvement.cost,
+                    certified: true,
                 };
                 observe(&entry);
                 trace.push(entry);
@@ -241,6 +313,7 @@ impl Run<'_, '_, '_> {
             tolerance: self.problem.goal.tolerance,
             max_step: self.params.max_step(),
             max_samples: self.params.search_iterations,
+            shorter_than: f64::INFINITY,
         };
         let mut chance = Chance::new(self.seed, purpose, start);
         let meter = &mut self.meter;
@@ -290,15 +363,16 @@ impl Run<'_, '_, '_> {
 
     fn note_polyline(&mut self, stage: Stage, path: &[Point2]) {
         let length = path.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
-        self.note(stage, length, self.params.length_weight * length);
+        self.note(stage, length, self.params.length_weight * length, false);
     }
 
-    fn note(&mut self, stage: Stage, length: f64, cost: f64) {
+    fn note(&mut self, stage: Stage, length: f64, cost: f64, certified: bool) {
         let entry = TraceEntry {
             iteration: self.meter.iterations(),
             stage,
             length,
             cost,
+            certified,
         };
         (self.observe)(&entry);
         self.trace.push(entry);
@@ -308,12 +382,13 @@ impl Run<'_, '_, '_> {
         let (outcome, reason) = match (end, self.meter.cut_short()) {
             (End::Found, _) => (Outcome::Found, Reason::Found),
             (End::Disconnected, _) => (Outcome::NoPath, Reason::Disconnected),
+            (End::DeadEnd, _) => (Outcome::NoPath, Reason::CurvatureInfeasible),
             (_, Some(CutShort::Deadline)) => (Outcome::TimedOut, Reason::Deadline),
             (_, Some(CutShort::Cancelled)) => (Outcome::TimedOut, Reason::Cancelled),
             (_, Some(CutShort::Iterations)) | (End::NoWay, None) => {
                 (Outcome::Exhausted, Reason::Iterations)
             }
-            (End::NoCurve, None) => (Outcome::Exhausted, Reason::CurvatureInfeasible),
+            (End::NoCurve, None) => (Outcome::Exhausted, Reason::NoCurve),
         };
         let metrics = path.as_ref().map(|path| {
             let goal = &self.problem.goal;

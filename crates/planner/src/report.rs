@@ -29,8 +29,10 @@ pub enum Reason {
     Found,
     /// Start and goal lie in different rooms for this footprint.
     Disconnected,
-    /// A way through was found, but no path along it within the curvature limit and the prescribed headings.
+    /// It is proven that no path within the curvature limit leaves the start, or reaches the goal, along the heading prescribed there.
     CurvatureInfeasible,
+    /// A way through was found, but no path along it within the curvature limit and the prescribed headings; there may be one.
+    NoCurve,
     /// The iterations ran out.
     Iterations,
     /// The deadline passed.
@@ -49,6 +51,8 @@ pub enum Stage {
     RrtStar,
     /// Bidirectional RRT.
     Birrt,
+    /// Search on the clearance grid.
+    Guide,
     /// Shortcut.
     Shortcut,
     /// Pulling tight.
@@ -59,6 +63,8 @@ pub enum Stage {
     Grid,
     /// Model predictive control.
     Mpc,
+    /// Smoothing to continuous curvature.
+    Refine,
 }
 
 /// One step forward of the search: a stage's product, or a better path within a stage.
@@ -73,6 +79,9 @@ pub struct TraceEntry {
     pub length: f64,
     /// Its cost.
     pub cost: f64,
+    /// Whether it is a path that the method may return: certified, in a method that keeps to headings and curvature. The costs of
+    /// these never rise.
+    pub certified: bool,
 }
 
 /// What each stage made, for pictures and for study.

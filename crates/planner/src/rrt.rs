@@ -76,6 +76,7 @@ mod tests {
             tolerance: 3.0,
             max_step: 5.0,
             max_samples: 100_000,
+            shorter_than: f64::INFINITY,
         };
         let mut chance = Chance::new(seed, Purpose::Rrt, 0);
         search(&query, &mut chance, &mut Meter::new(&Budget::unlimited()))

@@ -110,6 +110,7 @@ mod tests {
                         tolerance: 3.0,
                         max_step: 5.0,
                         max_samples: 100_000,
+                        shorter_than: f64::INFINITY,
                     };
                     let mut chance = Chance::new(seed, Purpose::RrtStar, 0);
                     let mut meter = Meter::new(&Budget::unlimited());

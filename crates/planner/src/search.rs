@@ -4,7 +4,10 @@ use crate::budget::Meter;
 use crate::chance::Chance;
 use crate::motion::MotionChecker;
 use crate::params::GoalMode;
-use bikebot_geometry::Point2;
+use bikebot_geometry::{Point2, Vector2};
+
+/// Draws for one point of an ellipse; a field that holds so little of it is sampled as a whole.
+const ELLIPSE_DRAWS: u32 = 64;
 
 /// A question to a search that ignores heading and curvature.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +27,9 @@ pub struct PointQuery<'c, 'w> {
     pub max_step: f64,
     /// Most samples to draw.
     pub max_samples: u64,
+    /// Only points on ways from start to goal shorter than this are of interest, m (Gammell, Srinivasa & Barfoot 2014);
+    /// infinite if all are.
+    pub shorter_than: f64,
 }
 
 impl PointQuery<'_, '_> {
@@ -43,9 +49,27 @@ impl PointQuery<'_, '_> {
             && self.checker.is_segment_free(position, self.goal)
     }
 
-    /// A position uniform over the field.
+    /// A position uniform over the part of the field that is of interest: all of it, or what of it lies in the ellipse about
+    /// start and goal whose points are on ways of the length given.
     pub(crate) fn sample(&self, chance: &mut Chance) -> Point2 {
         let bounds = self.checker.world().bounds();
+        let between = self.goal - self.start;
+        let distance = between.norm();
+        let length = self.shorter_than.max(distance);
+        if length.is_infinite() || distance <= 0.0 {
+            return chance.point_in(bounds.min, bounds.max);
+        }
+        let along = between * (0.5 * length / distance);
+        let minor = 0.5 * (length * length - distance * distance).sqrt();
+        let across = Vector2::new(-between.y, between.x) * (minor / distance);
+        let middle = self.start + between * 0.5;
+        for _ in 0..ELLIPSE_DRAWS {
+            let unit = chance.point_in(Point2::new(-1.0, -1.0), Point2::new(1.0, 1.0));
+            let p = middle + along * unit.x + across * unit.y;
+            if unit.coords.norm_squared() <= 1.0 && self.checker.world().is_inside(p) {
+                return p;
+            }
+        }
         chance.point_in(bounds.min, bounds.max)
     }
 }

@@ -79,7 +79,8 @@ impl Rivals<'_> {
         self.lengths.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    fn has_the_like_of(&self, length: f64) -> bool {
+    /// Whether one of them is as long as `length` (m), and therefore most probably goes the same way around everything.
+    pub(crate) fn has_the_like_of(&self, length: f64) -> bool {
         self.lengths
             .iter()
             .any(|known| (known - length).abs() <= SAME_WAY * known)
@@ -679,6 +680,7 @@ mod tests {
             tolerance: 0.0,
             max_step,
             max_samples: 3000,
+            shorter_than: f64::INFINITY,
         };
         let mut chance = Chance::new(1, Purpose::Birrt, number);
         birrt::search(&query, true, &mut chance, &mut unlimited()).path

@@ -66,7 +66,7 @@ pub struct PlanArgs {
     /// Plan N times with seeds SEED, SEED+1, …; one line each
     #[arg(long, value_name = "N", default_value_t = 1, allow_hyphen_values = true, value_parser = runs)]
     pub runs: u64,
-    /// Plans made at the same time; the results are the same for any number
+    /// Threads: plans made at the same time, or of one plan the searches; the results are the same for any number
     #[arg(long, value_name = "N", default_value_t = 1, allow_hyphen_values = true, value_parser = threads)]
     pub threads: usize,
     #[command(flatten)]
@@ -147,6 +147,13 @@ impl Question<'_> {
         let budget = Budget {
             iterations: self.args.iterations,
             stop: Some(&|| watch.ask()),
+            // Of several plans as many are made at the same time; a single one is searched for on all of them.
+            threads: if self.args.runs > 1 {
+                1
+            } else {
+                self.args.threads
+            },
+            ..Budget::unlimited()
         };
         let mut times = Times {
             prepare: self.prepare,
@@ -421,7 +428,12 @@ fn words(reason: Reason) -> &'static str {
     match reason {
         Reason::Found => "found",
         Reason::Disconnected => "start and goal lie in different rooms for this footprint",
-        Reason::CurvatureInfeasible => "a way through, but none within the curvature limit",
+        Reason::CurvatureInfeasible => {
+            "no path within the curvature limit has the headings asked for"
+        }
+        Reason::NoCurve => {
+            "a way through, but no path along it within the curvature limit was found"
+        }
         Reason::Iterations => "the iterations ran out",
         Reason::Deadline => "the time limit passed",
         Reason::Cancelled => "interrupted",

@@ -34,8 +34,8 @@ use bikebot_qp::{BandedQp, QpError, Settings, Status};
 use bikebot_world::FootprintDisc;
 
 /// Spacing of the control points in units of the scale, and the most rounds. Wide spacing is cheap and smooth but cannot follow
-/// turns much tighter than itself.
-const LADDER: [(f64, u32); 3] = [(3.0, 8), (1.0, 20), (0.5, 20)];
+/// turns much tighter than itself: at 3 the rounds are cheaper still, but twice as many of them pass before one certifies.
+const LADDER: [(f64, u32); 3] = [(2.0, 8), (1.0, 20), (0.5, 20)];
 /// Most rounds of [`polish`].
 const POLISH_ROUNDS: u32 = 20;
 /// Fewest segments: with less, a short curve between two headings has nothing left to move.
@@ -108,13 +108,15 @@ pub fn jerk_weight(corner_length: f64) -> f64 {
 /// [`crate::end_arcs`], which lead round full circles where a half turn is too much; bend it where this gives none.
 /// `None` if no curve could be certified, or the meter ran out before one was.
 ///
-/// A round counts as [`Meter::CHECK_EVERY`] iterations of the meter.
+/// A round counts as [`Meter::CHECK_EVERY`] iterations of the meter. `observe` is told of every certified curve that is cheaper
+/// than those before it on the same rung, as soon as it is known, and of the iterations of the meter until then.
 pub fn apply(
     problem: &PlanningProblem<'_>,
     params: &PlannerParams,
     checker: &MotionChecker<'_>,
     guide: &[Point2],
     meter: &mut Meter<'_>,
+    observe: &mut dyn FnMut(u64, &Refined),
 ) -> Option<Refined> {
     let last = *guide.last()?;
     let guide = Polyline::new(guide.to_vec()).ok()?;
@@ -133,6 +135,7 @@ pub fn apply(
             most_rounds,
             &mut rounds,
             meter,
+            observe,
         );
         if let Some(best) = best {
             return Some(Refined { rounds, ..best });
@@ -156,6 +159,7 @@ pub fn polish(
     curves: &[FergusonCurve],
     spacing: f64,
     meter: &mut Meter<'_>,
+    observe: &mut dyn FnMut(u64, &Refined),
 ) -> Option<Refined> {
     let path = CurvePath::new(curves.to_vec()).ok()?;
     let length = path.length();
@@ -169,7 +173,15 @@ pub fn polish(
     let tangents = [path.start_pose(), path.end_pose()].map(|pose| pose.direction() * spacing);
     let spline = Spline::through(&points, tangents[0], tangents[1]);
     let mut rounds = 0;
-    let best = refinement.run(spline, spacing, 0, POLISH_ROUNDS, &mut rounds, meter)?;
+    let best = refinement.run(
+        spline,
+        spacing,
+        0,
+        POLISH_ROUNDS,
+        &mut rounds,
+        meter,
+        observe,
+    )?;
     Some(Refined { rounds, ..best })
 }
 
@@ -255,6 +267,7 @@ impl<'a, 'w> Refinement<'a, 'w> {
         most_rounds: u32,
         rounds: &mut u32,
         meter: &mut Meter<'_>,
+        observe: &mut dyn FnMut(u64, &Refined),
     ) -> Option<Refined> {
         let segments = spline.segments();
         let rows = self.row_maker();
@@ -276,7 +289,7 @@ impl<'a, 'w> Refinement<'a, 'w> {
         let mut mu = TRUST * (spacing / self.scale).min(1.0) / self.scale;
 
         let mut current = self.candidate(spline)?;
-        let mut faults = self.certify(&current, spacing, &mut best);
+        let mut faults = self.certify(&current, spacing, &mut best, meter.iterations(), observe);
         for _ in 0..most_rounds {
             if !begin_round(meter) {
                 break;
@@ -298,7 +311,7 @@ impl<'a, 'w> Refinement<'a, 'w> {
                 current = next;
                 mu = (0.5 * mu).max(LEAST_TRUST / self.scale);
                 refusals = 0;
-                faults = self.certify(&current, spacing, &mut best);
+                faults = self.certify(&current, spacing, &mut best, meter.iterations(), observe);
                 if faults.is_empty() && gain < GAIN * merit {
                     break;
                 }
@@ -469,6 +482,8 @@ impl<'a, 'w> Refinement<'a, 'w> {
         candidate: &Candidate,
         spacing: f64,
         best: &mut Option<Refined>,
+        iteration: u64,
+        observe: &mut dyn FnMut(u64, &Refined),
     ) -> Vec<(usize, Fault)> {
         let mut faults = faults(&candidate.curves, self.max_curvature, self.checker);
         if !self.is_forward(&candidate.curves) {
@@ -480,7 +495,7 @@ impl<'a, 'w> Refinement<'a, 'w> {
             && cost.is_finite()
             && best.as_ref().is_none_or(|best| cost < best.cost)
         {
-            *best = Some(Refined {
+            let better = best.insert(Refined {
                 curves: candidate.curves.clone(),
                 length: survey.length,
                 bending: survey.bending,
@@ -488,6 +503,7 @@ impl<'a, 'w> Refinement<'a, 'w> {
                 rounds: 0,
                 spacing,
             });
+            observe(iteration, better);
         }
         faults
     }

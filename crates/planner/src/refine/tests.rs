@@ -75,6 +75,7 @@ impl Case {
             tolerance: 0.0,
             max_step: self.params.max_step(),
             max_samples: 100_000,
+            shorter_than: f64::INFINITY,
         };
         let mut chance = Chance::new(seed, Purpose::Birrt, 0);
         let mut path = birrt::search(&query, true, &mut chance, &mut meter)
@@ -118,6 +119,7 @@ impl Case {
             &self.checker(),
             guide,
             &mut meter,
+            &mut |_, _| {},
         )
     }
 
@@ -184,6 +186,7 @@ fn the_yard_is_ridden_smoothly_at_nearly_the_length_of_its_guide() {
         &refined.curves,
         1.0,
         &mut meter,
+        &mut |_, _| {},
     )
     .unwrap();
     case.check(&polished);
@@ -241,7 +244,14 @@ fn a_guide_backwards_out_of_the_start_is_never_ridden_backwards() {
     let guide = [problem.start.position, problem.goal.position];
     let params = PlannerParams::default();
     let mut meter = Meter::new(&Budget::unlimited());
-    if let Some(refined) = apply(&problem, &params, &checker, &guide, &mut meter) {
+    if let Some(refined) = apply(
+        &problem,
+        &params,
+        &checker,
+        &guide,
+        &mut meter,
+        &mut |_, _| {},
+    ) {
         let heading = refined.curves[0].start_pose().heading;
         assert!(bikebot_geometry::angle::difference(heading, 3.0).abs() < 1e-12);
     }
@@ -273,6 +283,7 @@ fn the_iterations_allowed_decide_the_curve_and_nothing_else_does() {
             &case.checker(),
             &guide,
             &mut meter,
+            &mut |_, _| {},
         );
         (refined, meter.iterations())
     };
@@ -336,7 +347,14 @@ fn nonsense_and_hopeless_guides_yield_nothing() {
         let checker = MotionChecker::new(&world, &Footprint::Point, 0.0, 0.02);
         let guide: Vec<_> = guide.iter().map(|&(x, y)| Point2::new(x, y)).collect();
         let mut meter = Meter::new(&Budget::unlimited());
-        apply(&problem(start), params, &checker, &guide, &mut meter)
+        apply(
+            &problem(start),
+            params,
+            &checker,
+            &guide,
+            &mut meter,
+            &mut |_, _| {},
+        )
     };
     let params = PlannerParams::default();
     let start = EndPose::pose(1.0, 5.0, 0.0);

@@ -1,0 +1,571 @@
+//! The default method: certified curves of continuous curvature, the cheapest that the budget allows (planning note, 4.6).
+//!
+//! | step | stage | yields |
+//! |---|---|---|
+//! | first | [`guide::search`] | a polyline, by search on the clearance grid |
+//! | again and again | [`birrt::search`] | other polylines, round obstacles on other sides |
+//! | each | [`taut::pull`] | the shortest polyline of its class |
+//! | each | [`refine::apply`] | a certified curve along it, or along the polyline with its ends bent ([`end_arcs`](crate::end_arcs)) |
+//! | where that fails | [`corridor::search`] | a certified path of curves, for [`refine::polish`] to smooth |
+//! | the cheapest | [`refine::polish`] | the same on finer control points |
+//!
+//! The starts that follow the first are made in batches of fixed size. All of a batch know the same rivals, those found before it, and
+//! each owns its stream of chance; results are taken in the order of their numbers. So they may run on any number of threads,
+//! and the plan is the same. Where an iteration budget ends in the midst of a batch, the start it ends in is made again with what is
+//! left for it, as if all had run one after the other.
+
+use crate::birrt;
+use crate::budget::Meter;
+use crate::chance::{Chance, Purpose};
+use crate::connection::Connector;
+use crate::connectivity;
+use crate::corridor;
+use crate::corridor_ends::Ends;
+use crate::guide;
+use crate::in_order;
+use crate::motion::MotionChecker;
+use crate::params::{GoalMode, PlannerParams};
+use crate::problem::PlanningProblem;
+use crate::refine::{self, Refined};
+use crate::report::{Stage, Stages};
+use crate::search::PointQuery;
+use crate::taut::{self, Ending, Pulled, Rivals};
+use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Polyline, Vector2, angle};
+
+/// Starts of a batch. Rivals are shared between batches only: more of them would find more paths twice.
+const BATCH: u32 = 8;
+/// Samples of a BiRRT start when a way is known already.
+const SAMPLES: u64 = 3000;
+/// The guide is looked for on every fourth cell of the grid along x and y, then, if there is no way, on every second; and on all of them.
+const PITCHES: [usize; 3] = [4, 2, 1];
+/// Cells along the field of the floods that look for a proof, once the grid has shown no way.
+const FLOODS: [usize; 2] = [64, 256];
+/// Spacing of the polish: this part of the spacing it starts from, which counts as no more than so many scales.
+const FINER: f64 = 0.5;
+const POLISH_SPACING: f64 = 2.0;
+/// Length that later stages may make up for, in units of the scale: rivals longer by more are dropped.
+const SLACK: f64 = 3.0;
+/// A turn between an end's heading and the guide beyond which bending the guide may give the cheaper curve, rad.
+const SHARP: f64 = std::f64::consts::FRAC_PI_3;
+
+/// What the search tells while it is under way.
+pub(crate) struct Step<'a> {
+    pub stage: Stage,
+    /// Iterations of all stages until then.
+    pub iteration: u64,
+    /// m.
+    pub length: f64,
+    pub cost: f64,
+    /// A certified path, cheaper than all before it; `None` of a polyline on the way to one.
+    pub curves: Option<&'a [FergusonCurve]>,
+}
+
+/// Told of every step.
+type Tell<'t> = &'t mut dyn FnMut(&Step<'_>);
+
+/// What the search came to.
+#[derive(Default)]
+pub(crate) struct FullSearch {
+    pub best: Option<Best>,
+    /// It is proven that nothing connects start and goal.
+    pub disconnected: bool,
+    /// A polyline was found.
+    pub has_way: bool,
+    /// What the best path was made from; what was found last, if there is none.
+    pub stages: Stages,
+    /// Lengths of the taut polylines, m.
+    rivals: Vec<f64>,
+    /// Corridors searched.
+    corridors: u32,
+}
+
+/// The cheapest certified path so far.
+pub(crate) struct Best {
+    pub curves: Vec<FergusonCurve>,
+    pub cost: f64,
+    spacing: f64,
+    /// Whether its curvature is continuous.
+    smooth: bool,
+    polished: bool,
+}
+
+/// A polyline, as it was found and pulled tight.
+struct Way {
+    number: u32,
+    tree: Vec<[Point2; 2]>,
+    coarse: Vec<Point2>,
+    pulled: Pulled,
+}
+
+/// What came of one BiRRT start.
+enum Start {
+    Way(Way),
+    Disconnected,
+    Nothing,
+}
+
+/// Everything the starts share; nothing of it changes.
+pub(crate) struct Full<'a, 'w> {
+    pub problem: &'a PlanningProblem<'w>,
+    pub params: &'a PlannerParams,
+    pub seed: u64,
+    /// For the whole footprint.
+    pub checker: &'a MotionChecker<'w>,
+    /// For its inscribed disc.
+    pub discs: &'a MotionChecker<'w>,
+}
+
+impl Full<'_, '_> {
+    /// Searches until no start has brought a gain for as long as the parameters say, or the budget ends.
+    pub fn search(&self, meter: &mut Meter<'_>, tell: Tell<'_>) -> FullSearch {
+        let mut found = FullSearch::default();
+        self.first(&mut found, meter, tell);
+        let mut next = 1;
+        let mut last_gain = 0;
+        while !self.is_over(&found, meter)
+            && next <= self.params.starts
+            && next - last_gain <= self.params.starts_without_gain
+        {
+            let before = found.cost();
+            self.batch(next, &mut found, meter, tell);
+            next += BATCH;
+            if found.cost() < before {
+                last_gain = next - 1;
+            }
+            if !found.has_way {
+                // Each of these has used up all its samples, without a proof.
+                break;
+            }
+        }
+        found
+    }
+
+    fn is_over(&self, found: &FullSearch, meter: &Meter<'_>) -> bool {
+        let is_enough = |best: &Best| best.smooth && meter.is_content_with(best.cost);
+        found.disconnected
+            || meter.cut_short().is_some()
+            || found.best.as_ref().is_some_and(is_enough)
+    }
+
+    /// The start that needs no chance: the guides of the grid. A coarse grid gives the first path soon, the whole grid the
+    /// best that a grid can show.
+    fn first(&self, found: &mut FullSearch, meter: &mut Meter<'_>, tell: Tell<'_>) {
+        let [start, goal] = [self.problem.start.position, self.problem.goal.position];
+        if connectivity::are_in_separate_regions(self.discs, start, goal, meter) {
+            found.disconnected = true;
+            return;
+        }
+        for pitch in PITCHES {
+            let is_finest = pitch == PITCHES[PITCHES.len() - 1];
+            if self.is_over(found, meter) || (found.has_way && !is_finest) {
+                continue;
+            }
+            let Some(coarse) = guide::search(self.discs, start, goal, pitch, meter) else {
+                continue;
+            };
+            let is_first = !found.has_way;
+            found.has_way = true;
+            let pulled = taut::pull(&coarse, &self.rivals(&found.rivals), self.discs, meter);
+            if is_first {
+                self.tell_polyline(Stage::Guide, &coarse, meter, tell);
+                self.tell_polyline(Stage::Taut, &pulled.path, meter, tell);
+            }
+            let way = Way {
+                number: 0,
+                tree: Vec::new(),
+                coarse,
+                pulled,
+            };
+            if !self.is_new(&way, &found.rivals) {
+                continue;
+            }
+            found.rivals.push(way.pulled.length);
+            let guide = self.to_the_region(&way.pulled.path);
+            let mut told = found.cost();
+            let refined = self.refine(&guide, meter, &mut |iteration, refined| {
+                if refined.cost < told {
+                    told = refined.cost;
+                    tell(&step(iteration, refined));
+                }
+            });
+            self.keep(&way, refined, told, found, meter, tell);
+        }
+        if !found.has_way {
+            found.disconnected =
+                connectivity::are_in_separate_rooms(self.discs, start, goal, meter)
+                    || FLOODS.into_iter().any(|cells| {
+                        connectivity::are_separated(self.discs, start, goal, cells, meter)
+                    });
+        }
+        self.polish(found, meter, tell);
+    }
+
+    /// The starts `first`, `first` + 1, … of one batch: their ways, and then the curves along those of them that can be worth it.
+    fn batch(&self, first: u32, found: &mut FullSearch, meter: &mut Meter<'_>, tell: Tell<'_>) {
+        let last = (first + BATCH - 1).min(self.params.starts);
+        let numbers: Vec<u32> = (first..=last).collect();
+        let known = found.rivals.clone();
+        let has_way = found.has_way;
+        let shorter_than = found.cost() / self.weight();
+        let mut ways: Vec<Way> = Vec::new();
+        in_order::run(
+            &numbers,
+            meter,
+            |&number, meter| self.start(number, has_way, shorter_than, &known, meter),
+            |start, _| match start {
+                Start::Way(way) => {
+                    found.has_way = true;
+                    if self.is_new(&way, &found.rivals) {
+                        found.rivals.push(way.pulled.length);
+                        ways.push(way);
+                    }
+                    true
+                }
+                Start::Disconnected => {
+                    found.disconnected = true;
+                    false
+                }
+                // Without a way the next start would do no better with as many samples.
+                Start::Nothing => has_way,
+            },
+        );
+        // A curve is no shorter than the taut polyline of its class.
+        ways.retain(|way| self.weight() * way.pulled.length < found.cost());
+        in_order::run(
+            &ways,
+            meter,
+            |way, meter| {
+                let guide = self.to_the_region(&way.pulled.path);
+                self.refine(&guide, meter, &mut |_, _| {})
+            },
+            |refined, (index, meter)| {
+                self.keep(&ways[index], refined, f64::INFINITY, found, meter, tell);
+                !self.is_over(found, meter)
+            },
+        );
+        self.polish(found, meter, tell);
+    }
+
+    /// BiRRT and taut.
+    fn start(
+        &self,
+        number: u32,
+        has_way: bool,
+        shorter_than: f64,
+        known: &[f64],
+        meter: &mut Meter<'_>,
+    ) -> Start {
+        let query = PointQuery {
+            checker: self.discs,
+            start: self.problem.start.position,
+            goal: self.problem.goal.position,
+            goal_mode: GoalMode::Pose,
+            tolerance: self.problem.goal.tolerance,
+            max_step: self.params.max_step(),
+            max_samples: if has_way {
+                SAMPLES.min(self.params.search_iterations)
+            } else {
+                self.params.search_iterations
+            },
+            shorter_than,
+        };
+        let mut chance = Chance::new(self.seed, Purpose::Birrt, number);
+        let search = birrt::search(&query, true, &mut chance, meter);
+        if search.disconnected {
+            return Start::Disconnected;
+        }
+        let Some(coarse) = search.path else {
+            return Start::Nothing;
+        };
+        let pulled = taut::pull(&coarse, &self.rivals(known), self.discs, meter);
+        Start::Way(Way {
+            number,
+            tree: search.edges,
+            coarse,
+            pulled,
+        })
+    }
+
+    fn rivals<'k>(&self, lengths: &'k [f64]) -> Rivals<'k> {
+        Rivals {
+            lengths,
+            slack: SLACK * self.params.scale,
+        }
+    }
+
+    /// Whether a curve along `way` may be unlike those there are already.
+    fn is_new(&self, way: &Way, rivals: &[f64]) -> bool {
+        let rivals = Rivals {
+            lengths: rivals,
+            slack: 0.0,
+        };
+        match way.pulled.ending {
+            Ending::Taut => !rivals.has_the_like_of(way.pulled.length),
+            Ending::Longer | Ending::Repeated => false,
+            Ending::CutShort => true,
+        }
+    }
+
+    /// The cheapest curve along `guide`: as it is, or with its ends bent where they turn sharply or nothing is found otherwise.
+    fn refine(
+        &self,
+        guide: &[Point2],
+        meter: &mut Meter<'_>,
+        observe: &mut dyn FnMut(u64, &Refined),
+    ) -> Option<Refined> {
+        let (problem, params) = (self.problem, self.params);
+        let refined = refine::apply(problem, params, self.checker, guide, meter, observe);
+        let may_bend = params.end_arcs && self.has_headings() && meter.cut_short().is_none();
+        if !may_bend || (refined.is_some() && !self.turns_sharply(guide)) {
+            return refined;
+        }
+        let connector = Connector::new(params, problem.max_curvature, self.checker);
+        let line = Polyline::new(guide.to_vec()).ok()?;
+        let ends = Ends::new(problem, params, &line, &connector, meter);
+        if ends.guide.vertices() == guide {
+            return refined;
+        }
+        let bent = ends.guide.vertices();
+        let bent = refine::apply(problem, params, self.checker, bent, meter, observe);
+        match (refined, bent) {
+            (Some(a), Some(b)) => Some(if b.cost < a.cost { b } else { a }),
+            (a, b) => a.or(b),
+        }
+    }
+
+    /// Makes the curve along `way` the best path, if there is one and it is the cheapest; where nothing is known at all yet,
+    /// looks for one in the corridor. `told` is the cost of what has been told of already.
+    fn keep(
+        &self,
+        way: &Way,
+        refined: Option<Refined>,
+        told: f64,
+        found: &mut FullSearch,
+        meter: &mut Meter<'_>,
+        tell: Tell<'_>,
+    ) {
+        let stages = |found: &mut FullSearch| {
+            found.stages.tree.clone_from(&way.tree);
+            found.stages.coarse = Polyline::new(way.coarse.clone()).ok();
+            found.stages.guide = Polyline::new(way.pulled.path.clone()).ok();
+        };
+        match refined {
+            Some(refined) => {
+                if !found.is_beaten_by(refined.cost) {
+                    return;
+                }
+                if refined.cost < told {
+                    tell(&step(meter.iterations(), &refined));
+                }
+                stages(found);
+                found.best = Some(Best::from(refined));
+            }
+            None if found.best.is_none() => {
+                stages(found);
+                if found.corridors < self.params.guides && meter.cut_short().is_none() {
+                    found.corridors += 1;
+                    self.search_corridor(way, found, meter, tell);
+                }
+            }
+            None => {}
+        }
+    }
+
+    /// Refines the best path on finer control points, once.
+    fn polish(&self, found: &mut FullSearch, meter: &mut Meter<'_>, tell: Tell<'_>) {
+        let Some(best) = &mut found.best else {
+            return;
+        };
+        let is_enough = best.smooth && meter.is_content_with(best.cost);
+        if best.polished || is_enough || meter.cut_short().is_some() {
+            return;
+        }
+        best.polished = true;
+        let spacing = FINER * best.spacing.min(POLISH_SPACING * self.params.scale);
+        let mut least = if best.smooth {
+            best.cost
+        } else {
+            f64::INFINITY
+        };
+        let polished = refine::polish(
+            self.problem,
+            self.params,
+            self.checker,
+            &best.curves,
+            spacing,
+            meter,
+            &mut |iteration, refined| {
+                if refined.cost < least {
+                    least = refined.cost;
+                    tell(&step(iteration, refined));
+                }
+            },
+        );
+        if let Some(polished) = polished
+            && found.is_beaten_by(polished.cost)
+        {
+            found.best = Some(Best {
+                polished: true,
+                ..Best::from(polished)
+            });
+        }
+    }
+
+    /// RRT* in the corridor about `way`, smoothed if that can be certified.
+    fn search_corridor(
+        &self,
+        way: &Way,
+        found: &mut FullSearch,
+        meter: &mut Meter<'_>,
+        tell: Tell<'_>,
+    ) {
+        let Ok(guide) = Polyline::new(self.to_the_region(&way.pulled.path)) else {
+            return;
+        };
+        let mut chance = Chance::new(self.seed, Purpose::Corridor, way.number);
+        let search = corridor::search(
+            self.problem,
+            self.params,
+            self.checker,
+            &guide,
+            &mut chance,
+            meter,
+            &mut |_| {},
+        );
+        found.stages.corridor_tree = search.edges;
+        found.stages.corridor_guide = Some(search.guide);
+        found.stages.corridor_half_width = Some(self.params.corridor_half_width());
+        let Some(curves) = search.path.filter(|curves| !curves.is_empty()) else {
+            return;
+        };
+        let Ok(path) = CurvePath::new(curves.clone()) else {
+            return;
+        };
+        let jerk_weight = refine::jerk_weight(self.params.corner_length());
+        let length = path.length();
+        let cost = self.weight() * (length + jerk_weight * path.bending());
+        tell(&Step {
+            stage: Stage::Corridor,
+            iteration: meter.iterations(),
+            length,
+            cost,
+            curves: Some(&curves),
+        });
+        found.best = Some(Best {
+            curves,
+            cost,
+            spacing: self.params.scale,
+            smooth: false,
+            polished: false,
+        });
+    }
+
+    /// w_p, or 1 where it is 0.
+    fn weight(&self) -> f64 {
+        if self.params.length_weight > 0.0 {
+            self.params.length_weight
+        } else {
+            1.0
+        }
+    }
+
+    fn headings(&self) -> [Option<f64>; 2] {
+        let goal = match self.params.goal {
+            GoalMode::Pose => self.problem.goal.heading,
+            GoalMode::Ball => None,
+        };
+        [self.problem.start.heading, goal]
+    }
+
+    fn has_headings(&self) -> bool {
+        self.headings().iter().any(Option::is_some)
+    }
+
+    /// Whether the guide leaves or arrives in quite another direction than the headings prescribe.
+    fn turns_sharply(&self, guide: &[Point2]) -> bool {
+        let [.., before, last] = guide else {
+            return false;
+        };
+        let legs: [Vector2; 2] = [guide[1] - guide[0], last - before];
+        self.headings().iter().zip(legs).any(|(heading, leg)| {
+            heading
+                .is_some_and(|heading| angle::difference(leg.y.atan2(leg.x), heading).abs() > SHARP)
+        })
+    }
+
+    /// `path`, which leads to the goal, up to where it enters the goal's ball, if anywhere in there will do.
+    fn to_the_region(&self, path: &[Point2]) -> Vec<Point2> {
+        let goal = &self.problem.goal;
+        if self.params.goal == GoalMode::Pose {
+            return path.to_vec();
+        }
+        // A hair inside, so that rounding does not put the end outside.
+        let radius = goal.tolerance * (1.0 - 1e-9);
+        let mut cut = Vec::with_capacity(path.len());
+        for (i, &vertex) in path.iter().enumerate() {
+            if (vertex - goal.position).norm() > radius || i == 0 {
+                cut.push(vertex);
+                continue;
+            }
+            let before = path[i - 1];
+            let (leg, to) = (vertex - before, before - goal.position);
+            // |to + t leg| = radius, the first of the two
+            let (a, b, c) = (
+                leg.norm_squared(),
+                to.dot(&leg),
+                to.norm_squared() - radius * radius,
+            );
+            let t = (-b - (b * b - a * c).max(0.0).sqrt()) / a;
+            cut.push(before + leg * t.clamp(0.0, 1.0));
+            break;
+        }
+        cut
+    }
+
+    fn tell_polyline(&self, stage: Stage, path: &[Point2], meter: &Meter<'_>, tell: Tell<'_>) {
+        let length = path.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+        tell(&Step {
+            stage,
+            iteration: meter.iterations(),
+            length,
+            cost: self.params.length_weight * length,
+            curves: None,
+        });
+    }
+}
+
+impl FullSearch {
+    /// Of the best path; infinite without one.
+    fn cost(&self) -> f64 {
+        self.best.as_ref().map_or(f64::INFINITY, |best| best.cost)
+    }
+
+    /// Whether a smooth curve of this cost is better than what there is: any is better than one whose curvature jumps.
+    fn is_beaten_by(&self, cost: f64) -> bool {
+        self.best
+            .as_ref()
+            .is_none_or(|best| !best.smooth || cost < best.cost)
+    }
+}
+
+impl From<Refined> for Best {
+    fn from(refined: Refined) -> Self {
+        Self {
+            curves: refined.curves,
+            cost: refined.cost,
+            spacing: refined.spacing,
+            smooth: true,
+            polished: false,
+        }
+    }
+}
+
+fn step(iteration: u64, refined: &Refined) -> Step<'_> {
+    Step {
+        stage: Stage::Refine,
+        iteration,
+        length: refined.length,
+        cost: refined.cost,
+        curves: Some(&refined.curves),
+    }
+}
