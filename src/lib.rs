@@ -10,10 +10,12 @@
 //! | [`dynamics`] | plant models, actuators and sensors |
 //! | [`control`] | balance by output zeroing, following by passive velocity fields |
 //! | [`sim`] | scenario, closed loop, recordings |
+//! | [`report`] | pictures of plans and rides |
 
 pub use bikebot_control as control;
 pub use bikebot_dynamics as dynamics;
 pub use bikebot_geometry as geometry;
 pub use bikebot_planner as planner;
+pub use bikebot_report as report;
 pub use bikebot_sim as sim;
 pub use bikebot_world as world;

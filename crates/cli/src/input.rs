@@ -509,7 +509,7 @@ pub fn tell_map(
 }
 
 /// The bytes of a line, counted from 1, without its end.
-fn span_of_line(text: &str, line: usize) -> Option<Range<usize>> {
+pub fn span_of_line(text: &str, line: usize) -> Option<Range<usize>> {
     let mut start = 0;
     for (index, content) in text.split_inclusive('\n').enumerate() {
         if index + 1 == line {

@@ -49,6 +49,7 @@ fn dispatch(verb: &Verb, terminal: &Terminal) -> Ending {
         Verb::Run(args) => commands::run::run(args, terminal),
         Verb::Plan(args) => commands::plan::run(args, terminal),
         Verb::Table2(args) => commands::table2::run(args, terminal),
+        Verb::Plot(args) => commands::plot::run(args, terminal),
         Verb::Sweep(args) => commands::sweep::run(args, terminal),
         Verb::Check(args) => commands::check::run(args, terminal),
         Verb::Explain(args) => commands::explain::run(args, terminal),

@@ -3,6 +3,7 @@
 use bikebot_geometry::Point2;
 use bikebot_planner::report::sampling_step;
 use bikebot_planner::{EndPose, PlanError, PlanReport, PlanningProblem, TraceEntry};
+use bikebot_report::plan_file::Shapes;
 use bikebot_sim::Setup;
 use bikebot_sim::record::ResultHasher;
 use serde::Serialize;
@@ -213,6 +214,10 @@ pub struct PlanFile<'a> {
 struct ProblemJson {
     map: Option<String>,
     bounds_m: [f64; 4],
+    /// Obstacles that are not cells: with them a picture needs no map file.
+    shapes: Shapes,
+    /// Whether there are cells too.
+    grid: bool,
     footprint: String,
     margin_m: f64,
     max_curvature_per_m: f64,
@@ -237,6 +242,8 @@ struct StagesJson {
     coarse: Option<Vec<[f64; 2]>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     guide: Option<Vec<[f64; 2]>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    corridor_guide: Option<Vec<[f64; 2]>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     corridor_half_width_m: Option<f64>,
 }
@@ -283,6 +290,8 @@ impl<'a> PlanFile<'a> {
             problem: ProblemJson {
                 map,
                 bounds_m: [bounds.min.x, bounds.min.y, bounds.max.x, bounds.max.y],
+                shapes: Shapes::of(problem.world),
+                grid: problem.world.grid().is_some(),
                 footprint: problem.footprint.to_string(),
                 margin_m: margin,
                 max_curvature_per_m: problem.max_curvature,
@@ -303,6 +312,7 @@ impl<'a> PlanFile<'a> {
                     .collect(),
                 coarse: stages.coarse.as_ref().map(vertices),
                 guide: stages.guide.as_ref().map(vertices),
+                corridor_guide: stages.corridor_guide.as_ref().map(vertices),
                 corridor_half_width_m: stages.corridor_half_width,
             },
         }

@@ -8,6 +8,7 @@ pub mod init;
 pub mod log;
 pub mod map;
 pub mod plan;
+pub mod plot;
 pub mod run;
 pub mod schema;
 pub mod sweep;

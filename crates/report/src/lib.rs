@@ -1,0 +1,30 @@
+//! Pictures of what others made: plans and rides, as SVG and PNG. Nothing is planned or ridden here.
+//!
+//! ```text
+//! plan.json ─▶ PlanFile ─▶ PlanFigure ┐
+//! recording ─▶ Ride ─────▶ RideFigure ┴▶ Drawing ─▶ svg::write ─▶ png::write
+//! ```
+//!
+//! A [`Drawing`](drawing::Drawing) is a list of outlines and labels in pixels. The same drawing always gives the same
+//! bytes; labels are outlines too, so that a picture needs no fonts; and the curves of a path are drawn as the
+//! cubics they are.
+
+pub mod axis;
+pub mod drawing;
+mod error;
+mod grid_outline;
+pub mod label;
+mod legend;
+pub mod palette;
+mod plan_figure;
+pub mod plan_file;
+pub mod png;
+mod ride_figure;
+mod scenery;
+pub mod svg;
+
+pub use error::ReportError;
+pub use plan_figure::{PlanFigure, PlanStyle, PlanView};
+pub use plan_file::PlanFile;
+pub use ride_figure::{Ride, RideFigure};
+pub use scenery::{Ground, footprint_outline};
