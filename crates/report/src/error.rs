@@ -26,7 +26,7 @@ pub enum ReportError {
     #[error("the plan has no `segments`: it was printed, not written by -o")]
     NoSegments,
     /// A number of the plan that no plan can have.
-    #[error("{what} is {value}: {expected}")]
+    #[error("{what} is {value:?}: {expected}")]
     Number {
         /// Which one.
         what: String,

@@ -231,8 +231,7 @@ impl PlanFile {
         let problem = &self.problem;
         let coordinates = |what: &str, values: &mut dyn Iterator<Item = f64>| {
             for value in values {
-                // Not a number is not below it either.
-                if !(value.abs() <= MAX_COORDINATE) {
+                if !value.is_finite() || value.abs() > MAX_COORDINATE {
                     return Err(ReportError::Number {
                         what: what.to_owned(),
                         value,
@@ -245,7 +244,7 @@ impl PlanFile {
         coordinates("problem.bounds_m", &mut problem.bounds_m.into_iter())?;
         for (side, [min, max]) in [("width", [0, 2]), ("height", [1, 3])] {
             let extent = problem.bounds_m[max] - problem.bounds_m[min];
-            if !(extent >= 1e-6) {
+            if extent < 1e-6 {
                 return Err(ReportError::Number {
                     what: format!("the {side} of problem.bounds_m"),
                     value: extent,

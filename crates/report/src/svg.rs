@@ -146,7 +146,7 @@ fn escaped(text: &str) -> String {
             '"' => out.push_str("&quot;"),
             // XML has no way to write these.
             c if c.is_control() => out.push(' '),
-            c if matches!(c, '\u{fffe}' | '\u{ffff}') => out.push('\u{fffd}'),
+            '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
             c => out.push(c),
         }
     }

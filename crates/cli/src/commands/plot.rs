@@ -97,7 +97,6 @@ struct PlotJson {
 
 /// Draws it.
 pub fn run(args: &PlotArgs, terminal: &Terminal) -> Ending {
-    // The names are free before any work is done.
     let drawings = if Kind::of(&args.input) == Kind::Recording {
         vec![("", ride(args, terminal)?)]
     } else {
