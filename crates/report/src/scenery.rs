@@ -82,14 +82,15 @@ fn outline_of(obstacle: &Obstacle, frame: &MapFrame) -> Outline {
 #[must_use]
 pub fn footprint_outline(footprint: &Footprint) -> Outline {
     let mut outline = Outline::new();
-    match *footprint {
+    match footprint {
         Footprint::Point => {}
-        Footprint::Disc { radius } => outline = Outline::circle([0.0, 0.0], radius),
+        Footprint::Disc { radius } => outline = Outline::circle([0.0, 0.0], *radius),
         Footprint::Capsule {
             rear,
             front,
             radius,
         } => {
+            let (rear, front, radius) = (*rear, *front, *radius);
             outline.move_to([front, -radius]);
             outline.quarter_turn([front, 0.0], radius, -FRAC_PI_2);
             outline.quarter_turn([front, 0.0], radius, 0.0);
@@ -103,6 +104,7 @@ pub fn footprint_outline(footprint: &Footprint) -> Outline {
             front,
             half_width,
         } => {
+            let (rear, front, half_width) = (*rear, *front, *half_width);
             outline = Outline::polygon([
                 [rear, -half_width],
                 [front, -half_width],
@@ -110,14 +112,45 @@ pub fn footprint_outline(footprint: &Footprint) -> Outline {
                 [rear, half_width],
             ]);
         }
+        Footprint::Polygon(polygon) => {
+            outline = Outline::polygon(rounded(polygon.vertices(), polygon.rounding()));
+        }
         // Shapes that `world` learns later are drawn as the discs that cover them.
         _ => {
             for disc in footprint.discs() {
-                outline.append(Outline::circle([disc.offset, 0.0], disc.radius));
+                outline.append(Outline::circle([disc.offset, disc.lateral], disc.radius));
             }
         }
     }
     outline
+}
+
+/// The rim of all points within `by` (m) of a polygon given counter-clockwise: a pair of points for each side,
+/// and an arc of short legs about each corner that points outwards.
+fn rounded(vertices: &[Point2], by: f64) -> Vec<[f64; 2]> {
+    const LEGS: usize = 6;
+    if by <= 0.0 {
+        return vertices.iter().map(|vertex| [vertex.x, vertex.y]).collect();
+    }
+    let count = vertices.len();
+    let mut rim = Vec::new();
+    for i in 0..count {
+        let (before, here, after) = (
+            vertices[(i + count - 1) % count],
+            vertices[i],
+            vertices[(i + 1) % count],
+        );
+        let (into, out) = (here - before, after - here);
+        // Outwards is to the right of each side.
+        let from = into.y.atan2(into.x) - FRAC_PI_2;
+        let turn = into.perp(&out).atan2(into.dot(&out));
+        let legs = if turn > 0.0 { LEGS } else { 1 };
+        for leg in 0..=legs {
+            let (sin, cos) = (from + turn * leg as f64 / legs as f64).sin_cos();
+            rim.push([here.x + by * cos, here.y + by * sin]);
+        }
+    }
+    rim
 }
 
 /// Length of a footprint from its rearmost to its foremost point, m.
