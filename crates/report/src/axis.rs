@@ -4,6 +4,7 @@ use bikebot_geometry::{FergusonCurve, Point2};
 use bikebot_world::Bounds;
 
 use crate::drawing::{Anchor, Area, Drawing, Item, Label, Outline, Pixel, Style};
+use crate::label;
 use crate::palette;
 
 /// Size of the numbers at the ticks, px.
@@ -248,16 +249,23 @@ impl Chart {
         );
     }
 
-    /// The name of what goes up, above the upper left corner.
-    pub fn name(&self, drawing: &mut Drawing, text: &str) {
-        let at = [self.area.left, self.area.top - 9.0];
-        drawing.label(Label::new(text, at, NAME_SIZE, palette::INK));
-    }
-
-    /// A remark above the upper right corner.
-    pub fn remark(&self, drawing: &mut Drawing, text: &str) {
-        let at = [self.area.right(), self.area.top - 9.0];
-        drawing.label(Label::new(text, at, TICK_SIZE, palette::GREY).anchored(Anchor::End));
+    /// The name of what goes up, above the upper left corner, and a remark above the right one as far as there is room.
+    pub fn heading(&self, drawing: &mut Drawing, name: &str, remark: &str) {
+        let y = self.area.top - 9.0;
+        drawing.label(Label::new(
+            name,
+            [self.area.left, y],
+            NAME_SIZE,
+            palette::INK,
+        ));
+        let room = self.area.width - label::width(name, NAME_SIZE) - 12.0;
+        if !remark.is_empty() && room > 0.0 {
+            let text = label::fitted(remark, TICK_SIZE, room);
+            drawing.label(
+                Label::new(text, [self.area.right(), y], TICK_SIZE, palette::GREY)
+                    .anchored(Anchor::End),
+            );
+        }
     }
 
     /// A line through values of growing `x`, thinned to what can be seen; a gap where a value is not finite.

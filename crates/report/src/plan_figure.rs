@@ -458,14 +458,13 @@ impl<'a> PlanFigure<'a> {
         chart.frame(drawing, x_ticks, 4, "arc length, m");
         let mark = Outline::circle(chart.at(most_s, most), 4.2);
         drawing.shape(mark, Style::line(palette::INK, 1.5));
-        chart.name(drawing, "curvature σ, 1/m");
         let text = format!(
             "largest {} at {} m, limit ±{}",
             significant(most, 3),
             significant(most_s, 3),
             significant(limit, 3)
         );
-        chart.remark(drawing, &text);
+        chart.heading(drawing, "curvature σ, 1/m", &text);
     }
 
     /// Length of what the search had, against time.
@@ -523,7 +522,7 @@ impl<'a> PlanFigure<'a> {
         }
         chart.data(drawing, items);
         chart.frame(drawing, x_ticks, 4, "time since the search began");
-        chart.name(drawing, "cost of the best path");
+        chart.heading(drawing, "cost", "");
         // The stages in their colours, from the right.
         let mut right = area.right();
         for stage in stages.iter().rev() {

@@ -243,19 +243,16 @@ impl<'a> RideFigure<'a> {
             y: Axis::around(values.copied().chain([0.0]), 0.08),
         };
         let x_ticks = ((area.width / 60.0) as usize).clamp(2, 10);
-        chart.ground(drawing, x_ticks, 3);
+        chart.ground(drawing, x_ticks, 4);
         let line = |series: &Series, style| Item::Shape(chart.curve(series.pairs()), style);
         let zero = chart.curve([[0.0, 0.0], [end, 0.0]]);
         let mut items = vec![Item::Shape(zero, Style::line(palette::GREY, 0.8))];
         items.extend(wanted.map(|wanted| line(wanted, REFERENCE)));
         items.push(line(is, RIDDEN));
         chart.data(drawing, items);
-        chart.frame(drawing, x_ticks, 3, "time, s");
-        chart.name(drawing, &format!("{name}, {unit}"));
-        chart.remark(
-            drawing,
-            &format!("largest {} {unit}", significant(is.most(), 3)),
-        );
+        chart.frame(drawing, x_ticks, 4, "time, s");
+        let remark = format!("largest {} {unit}", significant(is.most(), 3));
+        chart.heading(drawing, &format!("{name}, {unit}"), &remark);
     }
 
     fn map_items(&self, frame: &MapFrame, legend: &mut Legend) -> Vec<Item> {
