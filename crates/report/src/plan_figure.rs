@@ -477,7 +477,7 @@ impl<'a> PlanFigure<'a> {
             .collect();
         let chart = Chart {
             area,
-            x: Axis::decades(trace.iter().map(|step| step.time_s)),
+            x: Axis::decades(trace.iter().map(|step| step.time_s).chain(self.plan.time_s)),
             y: Axis::around(trace.iter().map(|step| step.cost), 0.08),
         };
         let x_ticks = ((area.width / 60.0) as usize).clamp(2, 10);
