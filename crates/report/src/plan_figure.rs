@@ -458,11 +458,11 @@ impl<'a> PlanFigure<'a> {
         chart.frame(drawing, x_ticks, 4, "arc length, m");
         let mark = Outline::circle(chart.at(most_s, most), 4.2);
         drawing.shape(mark, Style::line(palette::INK, 1.5));
+        // The limit itself stands in the title.
         let text = format!(
-            "largest {} at {} m, limit ±{}",
+            "largest {} at {} m",
             significant(most, 3),
-            significant(most_s, 3),
-            significant(limit, 3)
+            significant(most_s, 3)
         );
         chart.heading(drawing, "curvature σ, 1/m", &text);
     }
