@@ -127,3 +127,16 @@ fn only_rows_that_keep_to_the_curvature_limit_have_a_curvature() {
         }
     }
 }
+
+#[test]
+fn the_default_planner_is_shorter_and_smoother_than_every_row_of_the_paper() {
+    assert!(length("full") <= 176.5, "{}", length("full"));
+    assert!(roughness("full") <= 3e-6, "{}", roughness("full"));
+    // 177.2 m is the paper's shortest row, 6.08e-7 its smoothest.
+    assert!(length("full_smooth") <= 177.0, "{}", length("full_smooth"));
+    assert!(
+        roughness("full_smooth") <= 5.5e-7,
+        "{}",
+        roughness("full_smooth")
+    );
+}

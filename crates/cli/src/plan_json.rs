@@ -144,7 +144,7 @@ impl PlanJson {
             prepare_s: Some(times.prepare),
             iterations: Some(report.iterations),
             length_m: metrics.map(|metrics| metrics.length),
-            lower_bound_m: metrics.map(|metrics| metrics.lower_bound),
+            lower_bound_m: metrics.and_then(|metrics| metrics.lower_bound),
             roughness: metrics.map(|metrics| metrics.roughness),
             roughness_fixed_step: metrics.map(|metrics| metrics.roughness_fixed_step),
             max_curvature_per_m: metrics.and_then(|metrics| metrics.max_curvature),

@@ -189,6 +189,22 @@ impl<'a> Meter<'a> {
         self.budget.stop.is_some_and(|stop| stop().is_some())
     }
 
+    /// Does `work` with at most `most` iterations; that they are used up does not end this meter.
+    pub(crate) fn at_most<T>(&mut self, most: u64, work: impl FnOnce(&mut Self) -> T) -> T {
+        let budget = self.budget.iterations;
+        let limit = self.iterations.saturating_add(most);
+        let is_tighter = budget.is_none_or(|budget| limit < budget);
+        if is_tighter {
+            self.budget.iterations = Some(limit);
+        }
+        let result = work(self);
+        self.budget.iterations = budget;
+        if is_tighter && self.cut_short == Some(CutShort::Iterations) {
+            self.cut_short = None;
+        }
+        result
+    }
+
     /// A meter for one of several searches that run at the same time, with all that is left of this one's budget.
     #[must_use]
     pub(crate) fn fork(&self) -> Self {
@@ -201,6 +217,14 @@ impl<'a> Meter<'a> {
             iterations: 0,
             cut_short: self.cut_short,
         }
+    }
+
+    /// A meter for what follows the search: with its stop condition, but iterations of its own.
+    pub(crate) fn fork_unlimited(&self) -> Self {
+        Self::new(&Budget {
+            iterations: None,
+            ..self.budget
+        })
     }
 
     /// Whether what `fork` spent is still within the budget here: whether the search it belongs to would have gone the same way had
@@ -290,6 +314,20 @@ mod tests {
         assert_eq!(
             (meter.iterations(), meter.cut_short()),
             (5, Some(CutShort::Iterations))
+        );
+    }
+
+    #[test]
+    fn a_part_may_have_its_own_limit_within_that_of_the_whole() {
+        let count =
+            |meter: &mut Meter<'_>| std::iter::from_fn(|| meter.step().then_some(())).count();
+        let mut meter = Meter::new(&Budget::of_iterations(10));
+        assert_eq!(meter.at_most(4, count), 4);
+        assert_eq!((meter.iterations(), meter.cut_short()), (4, None));
+        assert_eq!(meter.at_most(9, count), 6);
+        assert_eq!(
+            (meter.iterations(), meter.cut_short()),
+            (10, Some(CutShort::Iterations))
         );
     }
 

@@ -2,7 +2,7 @@
 //!
 //! | step | stage | yields |
 //! |---|---|---|
-//! | first | [`guide::search`] | a polyline, by search on the clearance grid |
+//! | first | [`shortest`], [`guide::search`] | the exact shortest polyline, or one by search on the clearance grid |
 //! | again and again | [`birrt::search`] | other polylines, round obstacles on other sides |
 //! | each | [`taut::pull`] | the shortest polyline of its class |
 //! | each | [`refine::apply`] | a certified curve along it, or along the polyline with its ends bent ([`end_arcs`](crate::end_arcs)) |
@@ -29,6 +29,7 @@ use crate::problem::PlanningProblem;
 use crate::refine::{self, Refined};
 use crate::report::{Stage, Stages};
 use crate::search::PointQuery;
+use crate::shortest::shortest;
 use crate::taut::{self, Ending, Pulled, Rivals};
 use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Polyline, Vector2, angle};
 
@@ -36,6 +37,12 @@ use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Polyline, Vector2, angl
 const BATCH: u32 = 8;
 /// Samples of a BiRRT start when a way is known already.
 const SAMPLES: u64 = 3000;
+/// Iterations for the exact shortest way: before anything else is tried, a tenth of a millisecond among a few obstacles; and once there is
+/// a path, tens of milliseconds among thousands.
+const QUICK: u64 = 100;
+const PATIENT: u64 = 10_000;
+/// Part of its length by which a taut polyline may be longer than the shortest way it stands for.
+const TOUCHING: f64 = 1e-3;
 /// The guide is looked for on every fourth cell of the grid along x and y, then, if there is no way, on every second; and on all of them.
 const PITCHES: [usize; 3] = [4, 2, 1];
 /// Cells along the field of the floods that look for a proof, once the grid has shown no way.
@@ -71,6 +78,10 @@ pub(crate) struct FullSearch {
     pub disconnected: bool,
     /// A polyline was found.
     pub has_way: bool,
+    /// No path is shorter, m.
+    pub lower_bound: f64,
+    /// Whether that is the length of the shortest way, headings and curvature ignored.
+    is_exact: bool,
     /// What the best path was made from; what was found last, if there is none.
     pub stages: Stages,
     /// Lengths of the taut polylines, m.
@@ -147,12 +158,14 @@ impl Full<'_, '_> {
             || found.best.as_ref().is_some_and(is_enough)
     }
 
-    /// The start that needs no chance: the guides of the grid. A coarse grid gives the first path soon, the whole grid the
-    /// best that a grid can show.
+    /// The starts that need no chance. The exact shortest way comes first where it is found at once; else the grid's guide, coarse for a
+    /// first path soon, fine for a better one, and then the shortest way if patience finds it.
     fn first(&self, found: &mut FullSearch, meter: &mut Meter<'_>, tell: Tell<'_>) {
         let [start, goal] = [self.problem.start.position, self.problem.goal.position];
-        if connectivity::are_in_separate_regions(self.discs, start, goal, meter) {
-            found.disconnected = true;
+        found.disconnected = connectivity::are_in_separate_regions(self.discs, start, goal, meter)
+            || self.shortest(QUICK, found, meter, tell);
+        if found.disconnected || found.is_exact {
+            self.polish(found, meter, tell);
             return;
         }
         for pitch in PITCHES {
@@ -163,41 +176,109 @@ impl Full<'_, '_> {
             let Some(coarse) = guide::search(self.discs, start, goal, pitch, meter) else {
                 continue;
             };
-            let is_first = !found.has_way;
-            found.has_way = true;
             let pulled = taut::pull(&coarse, &self.rivals(&found.rivals), self.discs, meter);
-            if is_first {
-                self.tell_polyline(Stage::Guide, &coarse, meter, tell);
-                self.tell_polyline(Stage::Taut, &pulled.path, meter, tell);
-            }
-            let way = Way {
-                number: 0,
-                tree: Vec::new(),
-                coarse,
-                pulled,
-            };
-            if !self.is_new(&way, &found.rivals) {
-                continue;
-            }
-            found.rivals.push(way.pulled.length);
-            let guide = self.to_the_region(&way.pulled.path);
-            let mut told = found.cost();
-            let refined = self.refine(&guide, meter, &mut |iteration, refined| {
-                if refined.cost < told {
-                    told = refined.cost;
-                    tell(&step(iteration, refined));
-                }
-            });
-            self.keep(&way, refined, told, found, meter, tell);
+            self.follow(Stage::Guide, coarse, pulled, found, meter, tell);
         }
-        if !found.has_way {
+        self.polish(found, meter, tell);
+        if !self.is_over(found, meter) {
+            found.disconnected = self.shortest(PATIENT, found, meter, tell);
+            self.polish(found, meter, tell);
+        }
+        if !found.has_way && !found.disconnected {
             found.disconnected =
                 connectivity::are_in_separate_rooms(self.discs, start, goal, meter)
                     || FLOODS.into_iter().any(|cells| {
                         connectivity::are_separated(self.discs, start, goal, cells, meter)
                     });
         }
-        self.polish(found, meter, tell);
+    }
+
+    /// Looks for the exact shortest way for at most so many iterations, and for a curve along it if it is none of those known. `true` if it is
+    /// proven that there is no way at all. In any case something is known then of how short a path can be.
+    fn shortest(
+        &self,
+        most: u64,
+        found: &mut FullSearch,
+        meter: &mut Meter<'_>,
+        tell: Tell<'_>,
+    ) -> bool {
+        let problem = self.problem;
+        let tolerance = match self.params.goal {
+            GoalMode::Pose => 0.0,
+            GoalMode::Ball => problem.goal.tolerance,
+        };
+        let known = found.rivals.iter().copied().reduce(f64::min);
+        let shortest = meter.at_most(most, |meter| {
+            shortest(
+                problem.world,
+                self.discs.inscribed_radius() + self.discs.margin(),
+                problem.start.position,
+                problem.goal.position,
+                tolerance,
+                // In the ball a way is shorter than one to its middle.
+                known.filter(|_| tolerance == 0.0),
+                meter,
+            )
+        });
+        if shortest.length == f64::INFINITY {
+            return true;
+        }
+        found.lower_bound = found.lower_bound.max(shortest.length);
+        found.is_exact = shortest.is_exact;
+        if let Some(path) = shortest.path {
+            let pulled = Pulled {
+                path: path.clone(),
+                length: shortest.length,
+                ending: Ending::Taut,
+                rounds: 0,
+            };
+            self.follow(Stage::Shortest, path, pulled, found, meter, tell);
+        }
+        false
+    }
+
+    /// Refines the way `pulled`, unless it is like one of those known, and tells of it while that is under way.
+    fn follow(
+        &self,
+        stage: Stage,
+        coarse: Vec<Point2>,
+        pulled: Pulled,
+        found: &mut FullSearch,
+        meter: &mut Meter<'_>,
+        tell: Tell<'_>,
+    ) {
+        if !found.has_way {
+            self.tell_polyline(stage, &coarse, meter, tell);
+            if stage == Stage::Guide {
+                self.tell_polyline(Stage::Taut, &pulled.path, meter, tell);
+            }
+        }
+        found.has_way = true;
+        let way = Way {
+            number: 0,
+            tree: Vec::new(),
+            coarse,
+            pulled,
+        };
+        let shortest_known = found.rivals.iter().copied().fold(f64::INFINITY, f64::min);
+        let is_new = match stage {
+            // A taut polyline keeps a hair off the obstacles that the shortest way touches.
+            Stage::Shortest => way.pulled.length < (1.0 - TOUCHING) * shortest_known,
+            _ => self.is_new(&way, &found.rivals),
+        };
+        if !is_new {
+            return;
+        }
+        found.rivals.push(way.pulled.length);
+        let guide = self.to_the_region(&way.pulled.path);
+        let mut told = found.cost();
+        let refined = self.refine(&guide, meter, &mut |iteration, refined| {
+            if refined.cost < told {
+                told = refined.cost;
+                tell(&step(iteration, refined));
+            }
+        });
+        self.keep(&way, refined, told, found, meter, tell);
     }
 
     /// The starts `first`, `first` + 1, … of one batch: their ways, and then the curves along those of them that can be worth it.

@@ -28,9 +28,10 @@ pub struct PathMetrics {
     /// Arc length L, m.
     #[serde(rename = "length_m")]
     pub length: f64,
-    /// No path can be shorter than this, m: the straight distance from start to goal (region).
-    #[serde(rename = "lower_bound_m")]
-    pub lower_bound: f64,
+    /// No path can be shorter than this, m: the exact shortest length for the largest disc about the footprint's reference point, headings and
+    /// curvature ignored, or what was proven of it in the time there was. Absent where the search was cut short before it was asked for.
+    #[serde(rename = "lower_bound_m", skip_serializing_if = "Option::is_none")]
+    pub lower_bound: Option<f64>,
     /// Distance from the path's end to the goal's position, m.
     #[serde(rename = "goal_gap_m")]
     pub goal_gap: f64,
@@ -63,7 +64,7 @@ impl PathMetrics {
         path: &PlannedPath,
         checker: &MotionChecker<'_>,
         goal: Point2,
-        lower_bound: f64,
+        lower_bound: Option<f64>,
         tolerance: f64,
     ) -> Self {
         let length = path.length();

@@ -24,11 +24,14 @@ use crate::params::{GoalMode, Method, PlannerParams};
 use crate::problem::{EndPose, PlanningProblem};
 use crate::report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};
 use crate::search::{PointQuery, PointSearch};
+use crate::shortest::shortest;
 use crate::taut::{self, Rivals};
 use crate::{corridor, dead_end, rrt, rrt_star, shortcut};
 use bikebot_geometry::{CurvePath, Point2, Polyline, Pose2, angle};
 use std::f64::consts::PI;
 
+/// Iterations for the lower bound of methods that do not need it themselves: a millisecond or two.
+const BOUND_ITERATIONS: u64 = 1000;
 /// How closely the least clearance of a path is found, in units of δ: to 2 mm on the yard.
 const CLEARANCE_TOLERANCE: f64 = 0.1;
 
@@ -78,6 +81,7 @@ pub fn plan_observed(
         checker,
         meter: Meter::new(budget),
         stages: Stages::default(),
+        lower_bound: None,
         trace: Vec::new(),
         observe,
     };
@@ -112,6 +116,8 @@ struct Run<'r, 'w, 'b> {
     discs: MotionChecker<'w>,
     meter: Meter<'b>,
     stages: Stages,
+    /// m; `None` if the method has not asked for it.
+    lower_bound: Option<f64>,
     trace: Vec<TraceEntry>,
     observe: &'r mut dyn FnMut(&TraceEntry),
 }
@@ -254,6 +260,7 @@ impl Run<'_, '_, '_> {
             trace.push(entry);
         });
         self.stages = found.stages;
+        self.lower_bound = (found.lower_bound > 0.0).then_some(found.lower_bound);
         let path = found
             .best
             .and_then(|best| CurvePath::new(best.curves).ok())
@@ -378,6 +385,35 @@ impl Run<'_, '_, '_> {
         self.trace.push(entry);
     }
 
+    /// The length no path can be shorter than, as far as [`BOUND_ITERATIONS`] tell; `None` if the budget has ended. Not counted as iterations of
+    /// the search, which is over.
+    fn shortest_length(&self) -> Option<f64> {
+        if self.meter.cut_short().is_some() {
+            return None;
+        }
+        let (start, goal) = (&self.problem.start, &self.problem.goal);
+        let tolerance = match self.params.goal {
+            GoalMode::Pose => 0.0,
+            GoalMode::Ball => goal.tolerance,
+        };
+        let mut meter = self.meter.fork_unlimited();
+        let radius = self.discs.inscribed_radius() + self.discs.margin();
+        let world = self.problem.world;
+        let shortest = meter.at_most(BOUND_ITERATIONS, |meter| {
+            shortest(
+                world,
+                radius,
+                start.position,
+                goal.position,
+                tolerance,
+                None,
+                meter,
+            )
+        });
+        // A path that touches where the bound has something to spare leaves no claim.
+        shortest.length.is_finite().then_some(shortest.length)
+    }
+
     fn report(self, end: End, path: Option<PlannedPath>) -> PlanReport {
         let (outcome, reason) = match (end, self.meter.cut_short()) {
             (End::Found, _) => (Outcome::Found, Reason::Found),
@@ -390,13 +426,9 @@ impl Run<'_, '_, '_> {
             }
             (End::NoCurve, None) => (Outcome::Exhausted, Reason::NoCurve),
         };
+        let lower_bound = self.lower_bound.or_else(|| self.shortest_length());
         let metrics = path.as_ref().map(|path| {
             let goal = &self.problem.goal;
-            let straight = (goal.position - self.problem.start.position).norm();
-            let lower_bound = match self.params.goal {
-                GoalMode::Pose => straight,
-                GoalMode::Ball => (straight - goal.tolerance).max(0.0),
-            };
             let tolerance = CLEARANCE_TOLERANCE * self.params.clearance_resolution();
             let mut metrics =
                 PathMetrics::of(path, &self.checker, goal.position, lower_bound, tolerance);

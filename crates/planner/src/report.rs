@@ -53,6 +53,8 @@ pub enum Stage {
     Birrt,
     /// Search on the clearance grid.
     Guide,
+    /// The exact shortest way.
+    Shortest,
     /// Shortcut.
     Shortcut,
     /// Pulling tight.

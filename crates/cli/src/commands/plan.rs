@@ -108,12 +108,14 @@ pub fn run(args: &PlanArgs, terminal: &Terminal) -> Ending {
         Some(path) => Some(Output::create(path, args.force.force)?),
         None => None,
     };
-    // All that a second question on this map would find ready: the map read, its obstacles
-    // sorted, the clearance field laid out (its cells are filled where a search comes by).
-    let _ = problem.world.clearance_lower_bound(problem.start.position);
+    interrupt::install()?;
+    // All that a second question on this map would find ready. A single plan under a time limit prepares only what it comes by,
+    // within its limit.
+    if args.runs > 1 || args.time_limit.is_none() {
+        problem.world.prepare(&interrupt::asked);
+    }
     let prepare = began.elapsed().as_secs_f64();
     tracing::info!("map ready after {}", render::time(prepare));
-    interrupt::install()?;
     let question = Question {
         args,
         setup: &setup,

@@ -6,11 +6,14 @@
 
 use super::Spread;
 use bikebot_planner::{
-    Budget, Method, PlanError, PlannerParams, PlanningProblem, StopReason, plan,
+    Budget, GoalMode, Method, PlanError, PlannerParams, PlanningProblem, StopReason, plan,
 };
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
+
+/// Corner length of the row "full_smooth", in scales: shorter than the paper's own row and smoother than its smoothest at once.
+const SMOOTH_CORNER: f64 = 18.0;
 
 /// Figures of one row as the paper prints them; what it does not print, or we could not read, is absent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -161,7 +164,7 @@ impl Table2Study<'_> {
         };
         let mut rows = Vec::new();
         for method in Method::ALL {
-            let row = RowPlan {
+            let mut row = RowPlan {
                 name: method.name(),
                 params: PlannerParams {
                     method,
@@ -169,6 +172,11 @@ impl Table2Study<'_> {
                 },
                 paper: paper_figures(method),
             };
+            if method == Method::Full {
+                // To the goal itself, along both headings.
+                row.params.goal = GoalMode::Pose;
+                row.params.end_arcs = true;
+            }
             let taut = (method == Method::Paper).then(|| RowPlan {
                 name: "paper_taut",
                 params: PlannerParams {
@@ -177,8 +185,17 @@ impl Table2Study<'_> {
                 },
                 paper: row.paper,
             });
+            let smooth = (method == Method::Full).then(|| RowPlan {
+                name: "full_smooth",
+                params: PlannerParams {
+                    corner_length_scales: SMOOTH_CORNER,
+                    ..row.params.clone()
+                },
+                paper: row.paper,
+            });
             rows.push(row);
             rows.extend(taut);
+            rows.extend(smooth);
         }
         rows
     }
@@ -375,7 +392,7 @@ mod tests {
         let table = measured(1, 3, usize::MAX);
         let names: Vec<_> = table.rows.iter().map(|row| row.method).collect();
         assert_eq!(
-            names[..10],
+            names,
             [
                 "laplace",
                 "linear_program",
@@ -386,7 +403,9 @@ mod tests {
                 "mpc_laplace",
                 "mpc_linear_program",
                 "paper",
-                "paper_taut"
+                "paper_taut",
+                "full",
+                "full_smooth"
             ]
         );
         for row in &table.rows {
@@ -394,7 +413,9 @@ mod tests {
             let length = row.length_m.unwrap();
             assert!(length.p05 <= length.median && length.median <= length.p95);
             let spreads = length.p95 > length.p05;
-            assert_eq!(spreads, !row.deterministic, "{}", row.method);
+            // The best path of "full" is that of the shortest way, which needs no chance.
+            let needs_chance = !row.deterministic && !row.method.starts_with("full");
+            assert_eq!(spreads, needs_chance, "{}", row.method);
             assert_eq!(row.max_curvature_per_m.is_some(), row.curvature_limited);
         }
         assert!(table.rows[..10].iter().all(|row| row.paper.is_some()));
