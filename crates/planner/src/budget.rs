@@ -5,6 +5,7 @@
 //! stopped names the count, and the same seed with that count as its budget gives the same plan bit for bit.
 
 use serde::{Deserialize, Serialize};
+use std::cell::Cell;
 
 /// Why a caller's stop condition fired.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -123,6 +124,8 @@ pub struct Meter<'a> {
     budget: Budget<'a>,
     iterations: u64,
     cut_short: Option<CutShort>,
+    /// An answer of the stop condition that the next step is to heed.
+    pending: Cell<Option<CutShort>>,
 }
 
 impl<'a> Meter<'a> {
@@ -136,6 +139,7 @@ impl<'a> Meter<'a> {
             budget: *budget,
             iterations: 0,
             cut_short: None,
+            pending: Cell::new(None),
         }
     }
 
@@ -151,6 +155,10 @@ impl<'a> Meter<'a> {
             .is_some_and(|limit| self.iterations >= limit)
         {
             self.cut_short = Some(CutShort::Iterations);
+            return false;
+        }
+        if let Some(reason) = self.pending.get() {
+            self.cut_short = Some(reason);
             return false;
         }
         if self.iterations.is_multiple_of(Self::CHECK_EVERY)
@@ -182,11 +190,15 @@ impl<'a> Meter<'a> {
         self.step()
     }
 
-    /// Whether the stop condition answers now: for work that counts as one iteration however long it takes, like preparing
-    /// something that other plans will find ready. The answer is not kept; the next step asks again.
+    /// Whether the stop condition answers now: for work that counts as one iteration however long it takes. The answer is kept: the
+    /// next step ends the search.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
-        self.budget.stop.is_some_and(|stop| stop().is_some())
+        if self.pending.get().is_none() {
+            let answer = self.budget.stop.and_then(|stop| stop());
+            self.pending.set(answer.map(CutShort::from));
+        }
+        self.pending.get().is_some()
     }
 
     /// Does `work` with at most `most` iterations; that they are used up does not end this meter.
@@ -216,6 +228,7 @@ impl<'a> Meter<'a> {
             },
             iterations: 0,
             cut_short: self.cut_short,
+            pending: self.pending.clone(),
         }
     }
 
@@ -239,6 +252,9 @@ impl<'a> Meter<'a> {
     pub(crate) fn join(&mut self, fork: &Self) {
         self.iterations += fork.iterations;
         self.cut_short = self.cut_short.or(fork.cut_short);
+        if self.pending.get().is_none() {
+            self.pending.set(fork.pending.get());
+        }
     }
 
     /// Threads to search with, at least one.

@@ -144,8 +144,8 @@ impl Boxes {
                 ];
                 let at = end.transform(Point2::new(x, y));
                 let clearance = checker.world().clearance(at) + half_diagonal;
-                // Not `<`: what is not a number is not blocked.
-                free.push(!(clearance < need));
+                // What is not a number is not blocked.
+                free.push(clearance >= need || clearance.is_nan());
             }
         }
         // The least piece whose box a cell meets; a cell that meets none is out of reach.

@@ -51,16 +51,18 @@ fn run_ahead<'b, J: Sync, T: Send>(
     work: &(impl Fn(&J, &mut Meter<'b>) -> T + Sync),
 ) -> Vec<Made<'b, T>> {
     let next = AtomicUsize::new(0);
-    let results: Vec<Mutex<Made<'b, T>>> = jobs.iter().map(|_| Mutex::new(None)).collect();
+    let tasks: Vec<Mutex<(Option<T>, Meter<'b>)>> = jobs
+        .iter()
+        .map(|_| Mutex::new((None, meter.fork())))
+        .collect();
     let worker = || {
         while let number = next.fetch_add(1, Ordering::Relaxed)
-            && let Some(job) = jobs.get(number)
+            && let (Some(job), Some(task)) = (jobs.get(number), tasks.get(number))
         {
-            let mut fork = meter.fork();
-            let result = work(job, &mut fork);
-            *results[number]
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner) = Some((result, fork));
+            // Each task is one thread's alone.
+            let mut task = task.lock().unwrap_or_else(PoisonError::into_inner);
+            let (result, fork) = &mut *task;
+            *result = Some(work(job, fork));
         }
     };
     std::thread::scope(|scope| {
@@ -69,9 +71,10 @@ fn run_ahead<'b, J: Sync, T: Send>(
         }
         worker();
     });
-    results
+    tasks
         .into_iter()
-        .map(|result| result.into_inner().unwrap_or_else(PoisonError::into_inner))
+        .map(|task| task.into_inner().unwrap_or_else(PoisonError::into_inner))
+        .map(|(result, fork)| Some((result?, fork)))
         .collect()
 }
 

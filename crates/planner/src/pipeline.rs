@@ -86,7 +86,7 @@ pub fn plan_observed(
         observe,
     };
     let (end, path) = if run.is_dead_end() {
-        (End::DeadEnd, None)
+        (End::Trapped, None)
     } else {
         run.method()
     };
@@ -98,7 +98,7 @@ enum End {
     Found,
     Disconnected,
     /// No curve leaves the start, or reaches the goal, along the heading prescribed.
-    DeadEnd,
+    Trapped,
     /// No polyline was found.
     NoWay,
     /// A polyline was found, but no curves along it.
@@ -418,7 +418,7 @@ impl Run<'_, '_, '_> {
         let (outcome, reason) = match (end, self.meter.cut_short()) {
             (End::Found, _) => (Outcome::Found, Reason::Found),
             (End::Disconnected, _) => (Outcome::NoPath, Reason::Disconnected),
-            (End::DeadEnd, _) => (Outcome::NoPath, Reason::CurvatureInfeasible),
+            (End::Trapped, _) => (Outcome::NoPath, Reason::CurvatureInfeasible),
             (_, Some(CutShort::Deadline)) => (Outcome::TimedOut, Reason::Deadline),
             (_, Some(CutShort::Cancelled)) => (Outcome::TimedOut, Reason::Cancelled),
             (_, Some(CutShort::Iterations)) | (End::NoWay, None) => {

@@ -151,6 +151,7 @@ impl InteriorPoint {
         factor: &mut P::Factor,
         settings: &Settings,
         warm: bool,
+        go_on: &dyn Fn() -> bool,
     ) -> (Status, u32) {
         if !program.is_convex(factor) {
             return (Status::NumericalError(Breakdown::NotPositiveDefinite), 0);
@@ -169,7 +170,7 @@ impl InteriorPoint {
             if self.proves_unbounded(program, &measures) {
                 return (Status::Unbounded, iteration);
             }
-            if iteration >= settings.max_iterations {
+            if iteration >= settings.max_iterations || !go_on() {
                 return (Status::MaxIterations, iteration);
             }
 

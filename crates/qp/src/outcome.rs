@@ -48,7 +48,7 @@ pub enum Status {
     /// The objective falls without end along a direction that no row stops: only where the Hessian
     /// is singular.
     Unbounded,
-    /// Out of iterations. The answer is the last iterate; its residuals tell what it is worth.
+    /// Out of iterations, or told to stop. The answer is the last iterate; its residuals tell what it is worth.
     MaxIterations,
     /// Arithmetic broke down. The answer is the last finite iterate.
     NumericalError(Breakdown),

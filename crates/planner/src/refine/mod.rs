@@ -108,7 +108,7 @@ pub fn jerk_weight(corner_length: f64) -> f64 {
 /// [`crate::end_arcs`], which lead round full circles where a half turn is too much; bend it where this gives none.
 /// `None` if no curve could be certified, or the meter ran out before one was.
 ///
-/// A round counts as [`Meter::CHECK_EVERY`] iterations of the meter. `observe` is told of every certified curve that is cheaper
+/// A round counts as some [`Meter::CHECK_EVERY`] iterations of the meter, and asks it for more in its midst. `observe` is told of every certified curve that is cheaper
 /// than those before it on the same rung, as soon as it is known, and of the iterations of the meter until then.
 pub fn apply(
     problem: &PlanningProblem<'_>,
@@ -121,26 +121,25 @@ pub fn apply(
     let last = *guide.last()?;
     let guide = Polyline::new(guide.to_vec()).ok()?;
     let refinement = Refinement::new(problem, params, checker, guide.length(), last)?;
-    let mut rounds = 0;
+    let mut course = Course {
+        rounds: 0,
+        meter,
+        observe,
+    };
     for (spacing, most_rounds) in LADDER {
         let Some(segments) = segments(guide.length(), spacing * params.scale) else {
             break;
         };
         let spline = Spline::along(&guide, segments, &refinement.ends);
         let spacing = guide.length() / segments as f64;
-        let best = refinement.run(
-            spline,
-            spacing,
-            JERK_ROUNDS,
-            most_rounds,
-            &mut rounds,
-            meter,
-            observe,
-        );
+        let best = refinement.run(spline, spacing, JERK_ROUNDS, most_rounds, &mut course);
         if let Some(best) = best {
-            return Some(Refined { rounds, ..best });
+            return Some(Refined {
+                rounds: course.rounds,
+                ..best
+            });
         }
-        if meter.cut_short().is_some() {
+        if course.meter.cut_short().is_some() {
             break;
         }
     }
@@ -172,17 +171,16 @@ pub fn polish(
     let refinement = Refinement::new(problem, params, checker, length, goal)?;
     let tangents = [path.start_pose(), path.end_pose()].map(|pose| pose.direction() * spacing);
     let spline = Spline::through(&points, tangents[0], tangents[1]);
-    let mut rounds = 0;
-    let best = refinement.run(
-        spline,
-        spacing,
-        0,
-        POLISH_ROUNDS,
-        &mut rounds,
+    let mut course = Course {
+        rounds: 0,
         meter,
         observe,
-    )?;
-    Some(Refined { rounds, ..best })
+    };
+    let best = refinement.run(spline, spacing, 0, POLISH_ROUNDS, &mut course)?;
+    Some(Refined {
+        rounds: course.rounds,
+        ..best
+    })
 }
 
 /// What stays the same on all rungs of the ladder.
@@ -203,6 +201,14 @@ struct Programme<'a> {
     qp: BandedQp<8>,
     rows: RowMaker<'a>,
     objective: Objective,
+}
+
+/// How far a refinement has come, what it may spend, and who is told.
+struct Course<'c, 'b> {
+    /// Quadratic programmes solved.
+    rounds: u32,
+    meter: &'c mut Meter<'b>,
+    observe: &'c mut dyn FnMut(u64, &Refined),
 }
 
 /// A curve with what is known of it.
@@ -265,10 +271,13 @@ impl<'a, 'w> Refinement<'a, 'w> {
         spacing: f64,
         mut jerk_rounds: u32,
         most_rounds: u32,
-        rounds: &mut u32,
-        meter: &mut Meter<'_>,
-        observe: &mut dyn FnMut(u64, &Refined),
+        course: &mut Course<'_, '_>,
     ) -> Option<Refined> {
+        let Course {
+            rounds,
+            meter,
+            observe,
+        } = course;
         let segments = spline.segments();
         let rows = self.row_maker();
         let mut programme = Programme {
@@ -288,7 +297,13 @@ impl<'a, 'w> Refinement<'a, 'w> {
         let mut refusals = 0;
         let mut mu = TRUST * (spacing / self.scale).min(1.0) / self.scale;
 
+        if !meter.step_dearly() {
+            return None;
+        }
         let mut current = self.candidate(spline)?;
+        if !meter.step_dearly() {
+            return None;
+        }
         let mut faults = self.certify(&current, spacing, &mut best, meter.iterations(), observe);
         for _ in 0..most_rounds {
             if !begin_round(meter) {
@@ -303,9 +318,18 @@ impl<'a, 'w> Refinement<'a, 'w> {
             jerk_rounds = jerk_rounds.saturating_sub(1);
             self.demand_more(&faults, &mut demands);
             let merit = self.merit(&current.survey, &demands);
-            let next = self
-                .step(&mut programme, &current, &demands, bending, mu)
-                .and_then(|next| self.better_of_the_way(&current, next, &demands));
+            // On long paths each part of a round takes its time: what was begun when the budget ends is thrown away.
+            let go_on = || !meter.is_stopped();
+            let next = self.step(&mut programme, &current, &demands, (bending, mu), &go_on);
+            if !meter.step_dearly() {
+                break;
+            }
+            let next = next
+                .and_then(|next| self.candidate(next))
+                .and_then(|next| self.better_of_the_way(&current, next, &demands, meter));
+            if !meter.step_dearly() {
+                break;
+            }
             if let Some(next) = next {
                 let gain = merit - self.merit(&next.survey, &demands);
                 current = next;
@@ -359,9 +383,9 @@ impl<'a, 'w> Refinement<'a, 'w> {
         programme: &mut Programme<'_>,
         current: &Candidate,
         demands: &Demands,
-        bending: Bending,
-        mu: f64,
-    ) -> Option<Candidate> {
+        (bending, mu): (Bending, f64),
+        go_on: &dyn Fn() -> bool,
+    ) -> Option<Spline> {
         let Programme {
             qp,
             rows,
@@ -372,9 +396,9 @@ impl<'a, 'w> Refinement<'a, 'w> {
         objective.add_to(qp, spline, bending, mu).ok()?;
         self.hold_ends(qp, spline, objective.spacing).ok()?;
         rows.add_to(qp, spline, &current.survey, demands);
-        let summary = qp.solve(&Settings::default());
+        let summary = qp.solve_while(&Settings::default(), go_on);
         match summary.status {
-            Status::Solved | Status::MaxIterations => self.candidate(spline.moved(qp.x())),
+            Status::Solved | Status::MaxIterations => Some(spline.moved(qp.x())),
             _ => None,
         }
     }
@@ -440,11 +464,15 @@ impl<'a, 'w> Refinement<'a, 'w> {
         current: &Candidate,
         mut next: Candidate,
         demands: &Demands,
+        meter: &mut Meter<'_>,
     ) -> Option<Candidate> {
         let merit = self.merit(&current.survey, demands);
         for _ in 0..SHORTENINGS {
             if self.merit(&next.survey, demands) < merit {
                 break;
+            }
+            if !meter.step_dearly() {
+                return None;
             }
             next = self.candidate(current.spline.towards(&next.spline, SHORTER))?;
         }

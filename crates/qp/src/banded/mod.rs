@@ -218,6 +218,12 @@ impl<const W: usize> BandedQp<W> {
 
     /// Minimises. Deterministic to the last bit; takes no memory.
     pub fn solve(&mut self, settings: &Settings) -> Summary {
+        self.solve_while(settings, &|| true)
+    }
+
+    /// [`BandedQp::solve`], as long as `go_on` says so: it is asked before every iteration, and an answer of `false` ends the solve as if
+    /// that many iterations were all that is allowed.
+    pub fn solve_while(&mut self, settings: &Settings, go_on: &dyn Fn() -> bool) -> Summary {
         let n = self.given.unknowns;
         let warm = std::mem::take(&mut self.warm);
         if !self.given.scale(&mut self.scaling, &mut self.scaled) {
@@ -237,9 +243,9 @@ impl<const W: usize> BandedQp<W> {
                 *x = given / d / t;
             }
         }
-        let ended = self
-            .interior_point
-            .solve(&self.scaled, &mut self.factor, settings, warm);
+        let ended =
+            self.interior_point
+                .solve(&self.scaled, &mut self.factor, settings, warm, go_on);
         self.answer
             .take(&self.given, &self.interior_point, &self.scaling, ended)
     }

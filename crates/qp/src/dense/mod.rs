@@ -256,9 +256,9 @@ impl DenseQp {
                 *x = given / d / t;
             }
         }
-        let ended = self
-            .interior_point
-            .solve(&self.scaled, &mut self.factor, settings, warm);
+        let ended =
+            self.interior_point
+                .solve(&self.scaled, &mut self.factor, settings, warm, &|| true);
         self.answer
             .take(&self.given, &self.interior_point, &self.scaling, ended)
     }
