@@ -82,8 +82,24 @@ impl<'a> Connector<'a> {
         to: &DirectedPose,
         cheaper_than: f64,
     ) -> Option<Connection> {
-        let speed = self.tangent_speed(from, to);
-        self.judge(curve_between(from, to, speed), cheaper_than)
+        // Before a curve is made: none is shorter than its chord. `judge` asks again, for a curve given.
+        let chord = (to.pose.position - from.pose.position).norm();
+        if self.cost.lower_bound(chord) >= cheaper_than {
+            return None;
+        }
+        self.judge(self.curve(from, to), cheaper_than)
+    }
+
+    /// Eq. (3)–(4) from `from` to `to`: the curve of the edge that [`Self::connect`] makes.
+    #[must_use]
+    pub fn curve(&self, from: &DirectedPose, to: &DirectedPose) -> FergusonCurve {
+        curve_between(from, to, self.tangent_speed(from, to))
+    }
+
+    /// The curve of the edge that [`Self::connect_as_printed`] makes.
+    #[must_use]
+    pub fn curve_as_printed(&self, parent: &DirectedPose, child: &DirectedPose) -> FergusonCurve {
+        self.curve(child, parent).reversed()
     }
 
     /// The edge `parent` → `child` as lines 11 and 19 print it: the curve is laid from the child to the parent, along
@@ -95,9 +111,7 @@ impl<'a> Connector<'a> {
         child: &DirectedPose,
         cheaper_than: f64,
     ) -> Option<Connection> {
-        let speed = self.tangent_speed(child, parent);
-        let curve = curve_between(child, parent, speed).reversed();
-        self.judge(curve, cheaper_than)
+        self.judge(self.curve_as_printed(parent, child), cheaper_than)
     }
 
     /// A given curve as an edge, under the same tests.

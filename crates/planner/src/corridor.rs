@@ -29,6 +29,9 @@ use bikebot_geometry::{FergusonCurve, Point2, Polyline, Pose2, angle};
 /// Distance to the goal, in steps ε, within which a new node is joined to it.
 const GOAL_REACH: f64 = 1.2;
 
+/// Candidates beyond the limit to be gathered, at least, before they are cut back.
+const CUT_BACK: usize = 64;
+
 /// Headings that count as equal where a node lies on the goal already, rad: rounding of a wrapped angle.
 const SAME_HEADING: f64 = 1e-12;
 
@@ -119,11 +122,16 @@ pub fn search(
     search.finish(iterations)
 }
 
-/// A vertex of the tree: a pose, and the curve that leads there from its parent.
-#[derive(Debug, Clone, Copy)]
-struct Node {
-    at: DirectedPose,
-    curve: Option<FergusonCurve>,
+/// How the curve was laid that leads to a node. From this and the poses of the node and its parent the curve can be made
+/// again, equal to the last bit: 64 bytes that a node need not carry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Laid {
+    /// From parent to child; at the root there is none.
+    Ahead,
+    /// As lines 11 and 19 print it (D4).
+    Backwards,
+    /// It is one of the arcs at the start.
+    Trunk,
 }
 
 /// A way into one entry.
@@ -135,13 +143,20 @@ struct Arrival {
     entry: usize,
 }
 
+/// The cheapest bound first; the node added earlier, if they are equal.
+fn by_bound(a: &(f64, NodeId), b: &(f64, NodeId)) -> std::cmp::Ordering {
+    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+}
+
 /// The state of lines 6–38.
 struct Search<'a> {
     problem: &'a PlanningProblem<'a>,
     params: &'a PlannerParams,
     connector: &'a Connector<'a>,
     ends: &'a Ends,
-    tree: Tree<Node>,
+    tree: Tree<DirectedPose>,
+    /// Beside each node of the tree.
+    laid: Vec<Laid>,
     index: KdTree,
     arrivals: Vec<Arrival>,
     /// Volume of the corridor, m³: length, width and range of headings times ε.
@@ -170,10 +185,8 @@ impl<'a> Search<'a> {
             params,
             connector,
             ends,
-            tree: Tree::new(Node {
-                at: ends.root,
-                curve: None,
-            }),
+            tree: Tree::new(ends.root),
+            laid: vec![Laid::Ahead],
             index: KdTree::new(),
             arrivals: Vec::new(),
             measure: ends.guide.length() * width * headings,
@@ -188,13 +201,13 @@ impl<'a> Search<'a> {
         let mut parent = NodeId::ROOT;
         for connection in &ends.trunk {
             let pose = connection.curve.end_pose();
-            parent = search.add(parent, &pose.into(), connection);
+            parent = search.add(parent, &pose.into(), connection, Laid::Trunk);
         }
         search
     }
 
     fn position(&self, node: NodeId) -> Point2 {
-        self.tree.value(node).at.pose.position
+        self.tree.value(node).pose.position
     }
 
     fn has_arrived(&self) -> bool {
@@ -207,37 +220,70 @@ impl<'a> Search<'a> {
         if !motion.is_pose_free(&new.pose) {
             return;
         }
-        self.collect_near(new.pose.position, nearest);
-        let Some((parent, connection)) = self.cheapest_parent(new) else {
+        let to_goal = self.least_cost_to_go(new.pose.position);
+        // Only parents through which the path would be cheaper than the best one are of use.
+        let cheaper_than = self.best - to_goal;
+        if !self.collect_near(new.pose.position, nearest, cheaper_than) {
+            return;
+        }
+        let Some((parent, connection)) = self.cheapest_parent(new, cheaper_than) else {
             return;
         };
         let cost = self.tree.cost_to_come(parent) + connection.cost;
-        let to_goal = self.least_cost_to_go(new.pose.position);
         if cost + to_goal >= self.best {
             return;
         }
-        let node = self.add(parent, new, &connection);
+        let laid = if self.params.errata.curves_run_from_parent_to_child {
+            Laid::Ahead
+        } else {
+            Laid::Backwards
+        };
+        let node = self.add(parent, new, &connection, laid);
         self.rewire(node);
     }
 
-    /// Neighbours within r, and the nearest, sorted by the least cost a path through them to `new` may have.
-    fn collect_near(&mut self, new: Point2, nearest: Neighbor) {
+    /// Neighbours within r, and the nearest, sorted by the least cost a path through them to `new` may have. `false`, and
+    /// nothing is sorted, if for none of them that is below `cheaper_than`.
+    fn collect_near(&mut self, new: Point2, nearest: Neighbor, cheaper_than: f64) -> bool {
         let radius = self.rewire_radius();
         self.index.within(new, radius, &mut self.near);
-        self.candidates.clear();
-        let nearest_id = nearest.id;
-        if !self.near.iter().any(|n| n.id == nearest_id) {
+        if nearest.distance_squared > radius * radius {
             self.near.push(nearest);
         }
+        let limit = self.params.near_limit;
+        let Some(last) = limit.checked_sub(1) else {
+            return false;
+        };
+        // In a crowded tree most neighbours are beyond the limit. Cutting back now and then costs less than sorting all.
+        let room = limit.saturating_mul(2).max(limit.saturating_add(CUT_BACK));
+        let mut most = f64::INFINITY;
+        let mut least = f64::INFINITY;
+        self.candidates.clear();
         for neighbor in &self.near {
             let node = NodeId(neighbor.id);
-            let distance = (self.tree.value(node).at.pose.position - new).norm();
+            let distance = neighbor.distance_squared.sqrt();
             let bound = self.tree.cost_to_come(node) + self.connector.cost().lower_bound(distance);
+            if bound > most {
+                continue;
+            }
+            least = least.min(bound);
             self.candidates.push((bound, node));
+            if self.candidates.len() == room {
+                let (_, &mut (bound, _), _) =
+                    self.candidates.select_nth_unstable_by(last, by_bound);
+                most = bound;
+                self.candidates.truncate(limit);
+            }
         }
-        self.candidates
-            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        self.candidates.truncate(self.params.near_limit);
+        if least >= cheaper_than {
+            return false;
+        }
+        if self.candidates.len() > limit {
+            self.candidates.select_nth_unstable_by(last, by_bound);
+            self.candidates.truncate(limit);
+        }
+        self.candidates.sort_unstable_by(by_bound);
+        true
     }
 
     /// r, or what is left of it at the present size of the tree: γ (ln m / m)^(1/3) in the three dimensions of a pose, with
@@ -253,15 +299,19 @@ impl<'a> Search<'a> {
         radius.min(gamma * (nodes.ln() / nodes).cbrt())
     }
 
-    /// Lines 11–21: the parent through which `new` is reached at least cost.
-    fn cheapest_parent(&self, new: &DirectedPose) -> Option<(NodeId, Connection)> {
-        let mut best = f64::INFINITY;
+    /// Lines 11–21: the parent through which `new` is reached at least cost, and at less than `cheaper_than`.
+    fn cheapest_parent(
+        &self,
+        new: &DirectedPose,
+        cheaper_than: f64,
+    ) -> Option<(NodeId, Connection)> {
+        let mut best = cheaper_than;
         let mut found = None;
         for &(bound, node) in &self.candidates {
             if bound >= best {
                 break;
             }
-            let from = &self.tree.value(node).at;
+            let from = self.tree.value(node);
             let cost = self.tree.cost_to_come(node);
             let connection = if self.params.errata.curves_run_from_parent_to_child {
                 self.connect_ahead(from, new, best - cost)
@@ -291,36 +341,48 @@ impl<'a> Search<'a> {
     }
 
     /// Lines 22–23, and the arrival if there is one.
-    fn add(&mut self, parent: NodeId, at: &DirectedPose, connection: &Connection) -> NodeId {
-        let node = self.tree.add(
-            parent,
-            connection.cost,
-            Node {
-                at: *at,
-                curve: Some(connection.curve),
-            },
-        );
+    fn add(
+        &mut self,
+        parent: NodeId,
+        at: &DirectedPose,
+        connection: &Connection,
+        laid: Laid,
+    ) -> NodeId {
+        let node = self.tree.add(parent, connection.cost, *at);
+        self.laid.push(laid);
         self.index.insert(at.pose.position, node.0);
         self.arrive(node);
         node
     }
 
+    /// The curve that leads to a node from its parent; `None` at the root.
+    fn curve_to(&self, node: NodeId) -> Option<FergusonCurve> {
+        let from = self.tree.value(self.tree.parent(node)?);
+        let to = self.tree.value(node);
+        Some(match self.laid[node.index()] {
+            Laid::Ahead => self.connector.curve(from, to),
+            Laid::Backwards => self.connector.curve_as_printed(from, to),
+            // The trunk was added first, node by node after the root.
+            Laid::Trunk => self.ends.trunk[node.index() - 1].curve,
+        })
+    }
+
     /// Lines 25–32: neighbours that are reached at less cost through `new`. All their descendants gain.
     fn rewire(&mut self, new: NodeId) {
-        let from = self.tree.value(new).at;
+        let from = *self.tree.value(new);
         let cost = self.tree.cost_to_come(new);
         let mut has_changed = false;
         for i in 0..self.candidates.len() {
             let node = self.candidates[i].1;
-            let to = self.tree.value(node).at;
+            let to = self.tree.value(node);
             let gain = self.tree.cost_to_come(node) - cost;
             if gain <= 0.0 || node == NodeId::ROOT {
                 continue;
             }
-            if let Some(connection) = self.connect_ahead(&from, &to, gain)
+            if let Some(connection) = self.connect_ahead(&from, to, gain)
                 && self.tree.rewire(node, new, connection.cost)
             {
-                self.tree.value_mut(node).curve = Some(connection.curve);
+                self.laid[node.index()] = Laid::Ahead;
                 has_changed = true;
             }
         }
@@ -331,7 +393,7 @@ impl<'a> Search<'a> {
 
     /// Line 33: whether the goal is reached from `node`, and at what cost.
     fn arrive(&mut self, node: NodeId) {
-        let at = self.tree.value(node).at;
+        let at = *self.tree.value(node);
         let cost = self.tree.cost_to_come(node);
         if self.params.goal == GoalMode::Ball {
             if self.problem.goal.contains(at.pose.position) {
@@ -460,7 +522,7 @@ impl<'a> Search<'a> {
         let nodes = self.tree.path_to(arrival.node);
         let mut curves: Vec<_> = nodes
             .iter()
-            .filter_map(|&node| self.tree.value(node).curve)
+            .filter_map(|&node| self.curve_to(node))
             .collect();
         if let Some(connection) = arrival.connection {
             curves.push(connection.curve);
@@ -469,17 +531,17 @@ impl<'a> Search<'a> {
         curves
     }
 
-    fn finish(self, iterations: u64) -> CorridorSearch {
+    fn finish(mut self, iterations: u64) -> CorridorSearch {
         let best = self.best_arrival();
+        // Its memory is worth having back before the edges are laid out.
+        self.index = KdTree::new();
+        let mut edges = Vec::with_capacity(self.tree.len() - 1);
+        edges.extend(self.tree.ids().filter_map(|node| self.curve_to(node)));
         CorridorSearch {
             path: best.as_ref().map(|arrival| self.curves_to(arrival)),
             cost: best.as_ref().map_or(f64::INFINITY, |b| self.cost_of(b)),
             guide: self.ends.guide.clone(),
-            edges: self
-                .tree
-                .ids()
-                .filter_map(|node| self.tree.value(node).curve)
-                .collect(),
+            edges,
             improvements: self.improvements,
             iterations,
         }

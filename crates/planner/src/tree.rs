@@ -18,25 +18,42 @@ impl NodeId {
     }
 }
 
-#[derive(Debug, Clone)]
-struct Node<T> {
-    value: T,
-    cost_to_come: f64,
-    edge_cost: f64,
-    parent: Option<NodeId>,
-    first_child: Option<NodeId>,
-    next_sibling: Option<NodeId>,
-    previous_sibling: Option<NodeId>,
+/// "No node", where a link leads nowhere.
+const NONE: u32 = u32::MAX;
+
+/// How a node hangs in the tree.
+#[derive(Debug, Clone, Copy)]
+struct Links {
+    parent: u32,
+    first_child: u32,
+    next_sibling: u32,
+    previous_sibling: u32,
 }
 
-/// A rooted tree whose nodes carry a `T`: a position, a pose, the curve that leads there.
+impl Links {
+    const NOWHERE: Self = Self {
+        parent: NONE,
+        first_child: NONE,
+        next_sibling: NONE,
+        previous_sibling: NONE,
+    };
+}
+
+/// A rooted tree whose nodes carry a `T`: a position, a pose.
+///
+/// What is asked of many nodes at once, their costs, lies apart from what is asked of few, so that a search among neighbours in a
+/// tree of a million nodes reads eight bytes of each. A node takes 32 bytes and its `T`, and half of that again at most
+/// where the arrays have just grown.
 ///
 /// All functions that take a [`NodeId`] panic if it comes from another, larger tree.
 #[derive(Debug, Clone)]
 pub struct Tree<T> {
-    nodes: Vec<Node<T>>,
+    costs: Vec<f64>,
+    edge_costs: Vec<f64>,
+    links: Vec<Links>,
+    values: Vec<T>,
     /// Nodes whose cost is still to be recomputed; kept so that rewiring does not allocate.
-    pending: Vec<NodeId>,
+    pending: Vec<u32>,
 }
 
 impl<T> Tree<T> {
@@ -44,15 +61,10 @@ impl<T> Tree<T> {
     #[must_use]
     pub fn new(root: T) -> Self {
         Self {
-            nodes: vec![Node {
-                value: root,
-                cost_to_come: 0.0,
-                edge_cost: 0.0,
-                parent: None,
-                first_child: None,
-                next_sibling: None,
-                previous_sibling: None,
-            }],
+            costs: vec![0.0],
+            edge_costs: vec![0.0],
+            links: vec![Links::NOWHERE],
+            values: vec![root],
             pending: Vec::new(),
         }
     }
@@ -64,18 +76,14 @@ impl<T> Tree<T> {
     /// If the tree would exceed `u32::MAX` nodes.
     pub fn add(&mut self, parent: NodeId, edge_cost: f64, value: T) -> NodeId {
         debug_assert!(edge_cost >= 0.0, "edge cost {edge_cost}");
-        assert!(self.nodes.len() < u32::MAX as usize, "the tree is full");
-        let id = NodeId(self.nodes.len() as u32);
-        self.nodes.push(Node {
-            value,
-            cost_to_come: self.nodes[parent.index()].cost_to_come + edge_cost,
-            edge_cost,
-            parent: None,
-            first_child: None,
-            next_sibling: None,
-            previous_sibling: None,
-        });
-        self.attach(id, parent);
+        assert!(self.len() < NONE as usize, "the tree is full");
+        let id = NodeId(self.len() as u32);
+        let cost = self.costs[parent.index()] + edge_cost;
+        push(&mut self.costs, cost);
+        push(&mut self.edge_costs, edge_cost);
+        push(&mut self.links, Links::NOWHERE);
+        push(&mut self.values, value);
+        self.attach(id.0, parent.0);
         id
     }
 
@@ -86,55 +94,55 @@ impl<T> Tree<T> {
     /// The root is never moved.
     pub fn rewire(&mut self, node: NodeId, parent: NodeId, edge_cost: f64) -> bool {
         debug_assert!(edge_cost >= 0.0, "edge cost {edge_cost}");
-        let cost = self.nodes[parent.index()].cost_to_come + edge_cost;
-        if node == NodeId::ROOT || cost.is_nan() || cost >= self.nodes[node.index()].cost_to_come {
+        let cost = self.costs[parent.index()] + edge_cost;
+        if node == NodeId::ROOT || cost.is_nan() || cost >= self.costs[node.index()] {
             return false;
         }
-        self.detach(node);
-        self.attach(node, parent);
-        self.nodes[node.index()].edge_cost = edge_cost;
-        self.pending.push(node);
+        self.detach(node.0);
+        self.attach(node.0, parent.0);
+        self.edge_costs[node.index()] = edge_cost;
+        self.costs[node.index()] = cost;
+        self.pending.push(node.0);
         while let Some(id) = self.pending.pop() {
-            let current = &self.nodes[id.index()];
-            let from = current
-                .parent
-                .map_or(0.0, |p| self.nodes[p.index()].cost_to_come);
-            let cost = from + current.edge_cost;
-            let mut child = current.first_child;
-            self.nodes[id.index()].cost_to_come = cost;
-            while let Some(c) = child {
-                self.pending.push(c);
-                child = self.nodes[c.index()].next_sibling;
+            let from = self.costs[id as usize];
+            let mut child = self.links[id as usize].first_child;
+            while child != NONE {
+                let links = self.links[child as usize];
+                self.costs[child as usize] = from + self.edge_costs[child as usize];
+                if links.first_child != NONE {
+                    self.pending.push(child);
+                }
+                child = links.next_sibling;
             }
         }
         true
     }
 
-    fn attach(&mut self, node: NodeId, parent: NodeId) {
-        let head = self.nodes[parent.index()].first_child.replace(node);
-        if let Some(head) = head {
-            self.nodes[head.index()].previous_sibling = Some(node);
+    fn attach(&mut self, node: u32, parent: u32) {
+        let head = std::mem::replace(&mut self.links[parent as usize].first_child, node);
+        if head != NONE {
+            self.links[head as usize].previous_sibling = node;
         }
-        let entry = &mut self.nodes[node.index()];
-        entry.parent = Some(parent);
-        entry.next_sibling = head;
-        entry.previous_sibling = None;
+        let links = &mut self.links[node as usize];
+        links.parent = parent;
+        links.next_sibling = head;
+        links.previous_sibling = NONE;
     }
 
-    fn detach(&mut self, node: NodeId) {
-        let Node {
+    fn detach(&mut self, node: u32) {
+        let Links {
             parent,
             next_sibling,
             previous_sibling,
             ..
-        } = self.nodes[node.index()];
-        if let Some(next) = next_sibling {
-            self.nodes[next.index()].previous_sibling = previous_sibling;
+        } = self.links[node as usize];
+        if next_sibling != NONE {
+            self.links[next_sibling as usize].previous_sibling = previous_sibling;
         }
-        match (previous_sibling, parent) {
-            (Some(previous), _) => self.nodes[previous.index()].next_sibling = next_sibling,
-            (None, Some(parent)) => self.nodes[parent.index()].first_child = next_sibling,
-            (None, None) => {}
+        if previous_sibling != NONE {
+            self.links[previous_sibling as usize].next_sibling = next_sibling;
+        } else if parent != NONE {
+            self.links[parent as usize].first_child = next_sibling;
         }
     }
 
@@ -142,48 +150,47 @@ impl<T> Tree<T> {
     #[must_use]
     #[expect(clippy::len_without_is_empty, reason = "a tree always has its root")]
     pub fn len(&self) -> usize {
-        self.nodes.len()
+        self.values.len()
     }
 
     /// What the node carries.
     #[must_use]
     pub fn value(&self, node: NodeId) -> &T {
-        &self.nodes[node.index()].value
+        &self.values[node.index()]
     }
 
     /// What the node carries, to be changed: after a rewiring, the curve that leads there.
     pub fn value_mut(&mut self, node: NodeId) -> &mut T {
-        &mut self.nodes[node.index()].value
+        &mut self.values[node.index()]
     }
 
     /// `Cost(x)`: the sum of edge costs from the root.
     #[must_use]
     pub fn cost_to_come(&self, node: NodeId) -> f64 {
-        self.nodes[node.index()].cost_to_come
+        self.costs[node.index()]
     }
 
     /// Cost of the edge from the parent; 0 at the root.
     #[must_use]
     pub fn edge_cost(&self, node: NodeId) -> f64 {
-        self.nodes[node.index()].edge_cost
+        self.edge_costs[node.index()]
     }
 
     /// `Parent(x)`; `None` at the root.
     #[must_use]
     pub fn parent(&self, node: NodeId) -> Option<NodeId> {
-        self.nodes[node.index()].parent
+        linked(self.links[node.index()].parent)
     }
 
     /// The node's children, latest attached first.
     pub fn children(&self, node: NodeId) -> impl Iterator<Item = NodeId> + '_ {
-        std::iter::successors(self.nodes[node.index()].first_child, |c| {
-            self.nodes[c.index()].next_sibling
-        })
+        let first = linked(self.links[node.index()].first_child);
+        std::iter::successors(first, |c| linked(self.links[c.index()].next_sibling))
     }
 
     /// All nodes in the order they were added.
     pub fn ids(&self) -> impl Iterator<Item = NodeId> + use<T> {
-        (0..self.nodes.len() as u32).map(NodeId)
+        (0..self.values.len() as u32).map(NodeId)
     }
 
     /// The nodes from the root to `node`, both included.
@@ -193,6 +200,18 @@ impl<T> Tree<T> {
         path.reverse();
         path
     }
+}
+
+fn linked(node: u32) -> Option<NodeId> {
+    (node != NONE).then_some(NodeId(node))
+}
+
+/// Appends `item`; a full array grows by half, where the standard library's would double.
+fn push<T>(items: &mut Vec<T>, item: T) {
+    if items.len() == items.capacity() {
+        items.reserve_exact((items.len() / 2).max(64));
+    }
+    items.push(item);
 }
 
 #[cfg(test)]
