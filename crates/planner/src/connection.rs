@@ -119,7 +119,10 @@ impl<'a> Connector<'a> {
     pub fn judge(&self, curve: FergusonCurve, cheaper_than: f64) -> Option<Connection> {
         let chord = (curve.end_point() - curve.start_point()).norm();
         // Not `>=` on the negation: a cost that is not a number is no cost.
-        if chord <= 0.0 || self.cost.lower_bound(chord) >= cheaper_than {
+        if chord <= 0.0
+            || self.cost.lower_bound(chord) >= cheaper_than
+            || curve.exceeds_curvature_at_an_end(self.max_curvature)
+        {
             return None;
         }
         let (length, bending) = curve.length_and_bending();

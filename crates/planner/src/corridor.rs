@@ -32,6 +32,12 @@ const GOAL_REACH: f64 = 1.2;
 /// Candidates beyond the limit to be gathered, at least, before they are cut back.
 const CUT_BACK: usize = 64;
 
+/// Candidates brought into order at once.
+const SORTED_AT_ONCE: usize = 16;
+
+/// Of sums of a few costs, relative.
+const ROUNDING: f64 = 1e-12;
+
 /// Headings that count as equal where a node lies on the goal already, rad: rounding of a wrapped angle.
 const SAME_HEADING: f64 = 1e-12;
 
@@ -143,9 +149,23 @@ struct Arrival {
     entry: usize,
 }
 
-/// The cheapest bound first; the node added earlier, if they are equal.
-fn by_bound(a: &(f64, NodeId), b: &(f64, NodeId)) -> std::cmp::Ordering {
-    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+/// A neighbour of a new pose.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    /// Least cost that a path through it to the new pose may have.
+    bound: f64,
+    /// Least cost of the edge between the two.
+    edge: f64,
+    node: NodeId,
+}
+
+impl Candidate {
+    /// The cheapest bound first; the node added earlier, if they are equal.
+    fn order(&self, other: &Self) -> std::cmp::Ordering {
+        self.bound
+            .total_cmp(&other.bound)
+            .then(self.node.cmp(&other.node))
+    }
 }
 
 /// The state of lines 6–38.
@@ -167,8 +187,8 @@ struct Search<'a> {
     reported: f64,
     improvements: Vec<Improvement>,
     near: Vec<Neighbor>,
-    /// Neighbours by the lower bound of the cost through them.
-    candidates: Vec<(f64, NodeId)>,
+    /// Neighbours, at most as many as the parameters allow, those of the least bounds.
+    candidates: Vec<Candidate>,
 }
 
 impl<'a> Search<'a> {
@@ -242,8 +262,8 @@ impl<'a> Search<'a> {
         self.rewire(node);
     }
 
-    /// Neighbours within r, and the nearest, sorted by the least cost a path through them to `new` may have. `false`, and
-    /// nothing is sorted, if for none of them that is below `cheaper_than`.
+    /// Neighbours within r, and the nearest, as candidates. `false` if a path through any of them to `new` costs no less than
+    /// `cheaper_than`.
     fn collect_near(&mut self, new: Point2, nearest: Neighbor, cheaper_than: f64) -> bool {
         let radius = self.rewire_radius();
         self.index.within(new, radius, &mut self.near);
@@ -262,16 +282,17 @@ impl<'a> Search<'a> {
         for neighbor in &self.near {
             let node = NodeId(neighbor.id);
             let distance = neighbor.distance_squared.sqrt();
-            let bound = self.tree.cost_to_come(node) + self.connector.cost().lower_bound(distance);
+            let edge = self.connector.cost().lower_bound(distance);
+            let bound = self.tree.cost_to_come(node) + edge;
             if bound > most {
                 continue;
             }
             least = least.min(bound);
-            self.candidates.push((bound, node));
+            self.candidates.push(Candidate { bound, edge, node });
             if self.candidates.len() == room {
-                let (_, &mut (bound, _), _) =
-                    self.candidates.select_nth_unstable_by(last, by_bound);
-                most = bound;
+                self.candidates
+                    .select_nth_unstable_by(last, Candidate::order);
+                most = self.candidates[last].bound;
                 self.candidates.truncate(limit);
             }
         }
@@ -279,10 +300,10 @@ impl<'a> Search<'a> {
             return false;
         }
         if self.candidates.len() > limit {
-            self.candidates.select_nth_unstable_by(last, by_bound);
+            self.candidates
+                .select_nth_unstable_by(last, Candidate::order);
             self.candidates.truncate(limit);
         }
-        self.candidates.sort_unstable_by(by_bound);
         true
     }
 
@@ -301,13 +322,25 @@ impl<'a> Search<'a> {
 
     /// Lines 11–21: the parent through which `new` is reached at least cost, and at less than `cheaper_than`.
     fn cheapest_parent(
-        &self,
+        &mut self,
         new: &DirectedPose,
         cheaper_than: f64,
     ) -> Option<(NodeId, Connection)> {
         let mut best = cheaper_than;
         let mut found = None;
-        for &(bound, node) in &self.candidates {
+        // The best is usually among the first: sorted are only as many as are examined, some at a time.
+        let mut sorted = 0;
+        for i in 0..self.candidates.len() {
+            if i == sorted {
+                let rest = &mut self.candidates[sorted..];
+                let count = rest.len().min(SORTED_AT_ONCE);
+                if count < rest.len() {
+                    rest.select_nth_unstable_by(count - 1, Candidate::order);
+                }
+                rest[..count].sort_unstable_by(Candidate::order);
+                sorted += count;
+            }
+            let Candidate { bound, node, .. } = self.candidates[i];
             if bound >= best {
                 break;
             }
@@ -371,14 +404,18 @@ impl<'a> Search<'a> {
     fn rewire(&mut self, new: NodeId) {
         let from = *self.tree.value(new);
         let cost = self.tree.cost_to_come(new);
+        // Those that even a straight edge would not help need not be looked up; a bound is off by rounding.
+        self.candidates
+            .retain(|c| cost + c.edge < (c.bound - c.edge) + ROUNDING * c.bound);
+        self.candidates.sort_unstable_by(Candidate::order);
         let mut has_changed = false;
         for i in 0..self.candidates.len() {
-            let node = self.candidates[i].1;
-            let to = self.tree.value(node);
+            let node = self.candidates[i].node;
             let gain = self.tree.cost_to_come(node) - cost;
-            if gain <= 0.0 || node == NodeId::ROOT {
+            if gain <= self.candidates[i].edge || node == NodeId::ROOT {
                 continue;
             }
+            let to = self.tree.value(node);
             if let Some(connection) = self.connect_ahead(&from, to, gain)
                 && self.tree.rewire(node, new, connection.cost)
             {
@@ -818,6 +855,41 @@ mod tests {
                 .iter()
                 .all(|edge| edge.max_curvature() <= 1.0 + 1e-12)
         );
+    }
+
+    #[test]
+    fn edges_made_again_join_the_poses_of_the_tree() {
+        for params in [
+            PlannerParams::table_1(),
+            PlannerParams::default(),
+            PlannerParams {
+                tangent: TangentRule::Chord,
+                errata: Errata {
+                    continuous_heading_prior: true,
+                    ..Errata::as_printed()
+                },
+                ..PlannerParams::literal()
+            },
+        ] {
+            let found = yard_run(
+                &PlannerParams {
+                    footprint: "point".to_owned(),
+                    guides: 1,
+                    ..params
+                },
+                5,
+            );
+            let mut ends: Vec<_> = found
+                .edges
+                .iter()
+                .map(|e| e.end_point().coords.map(f64::to_bits))
+                .collect();
+            ends.push(Point2::new(8.0, 8.0).coords.map(f64::to_bits));
+            for edge in &found.edges {
+                let start = edge.start_point().coords.map(f64::to_bits);
+                assert!(ends.contains(&start), "an edge that hangs nowhere");
+            }
+        }
     }
 
     /// A room with one block in the middle, the guide round its left side.
