@@ -32,6 +32,7 @@ fn problem<'w>(scene: &'w LoadedMap, params: &PlannerParams) -> PlanningProblem<
         start: EndPose {
             position: start.position,
             heading: start.heading,
+            curvature: None,
         },
         goal: GoalRegion {
             position: goal.position,

@@ -33,6 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         start: EndPose {
             position: start.position,
             heading: start.heading,
+            curvature: None,
         },
         goal: GoalRegion {
             position: goal.position,

@@ -62,6 +62,7 @@ impl Scene {
             start: EndPose {
                 position: start.position,
                 heading: start.heading,
+                curvature: None,
             },
             goal: GoalRegion {
                 position: goal.position,

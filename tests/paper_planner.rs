@@ -72,6 +72,7 @@ impl Scene {
             start: EndPose {
                 position: self.start.position,
                 heading: Some(self.start.heading),
+                curvature: None,
             },
             goal: GoalRegion {
                 position: self.goal.position,

@@ -25,6 +25,7 @@ fn table() -> &'static Table2 {
             start: EndPose {
                 position: start.position,
                 heading: start.heading,
+                curvature: None,
             },
             goal: GoalRegion {
                 position: goal.position,

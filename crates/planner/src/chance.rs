@@ -22,6 +22,8 @@ pub enum Purpose {
     Shortcut = 4,
     /// Samples of the corridor RRT*.
     Corridor = 5,
+    /// Samples of the bidirectional RRT about a place where a path is blocked.
+    Repair = 6,
 }
 
 /// A stream of random numbers.

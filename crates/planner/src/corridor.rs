@@ -611,6 +611,7 @@ mod tests {
             start: EndPose {
                 position: scene.start.position,
                 heading: Some(scene.start.heading),
+                curvature: None,
             },
             goal: GoalRegion {
                 position,

@@ -387,6 +387,24 @@ impl Full<'_, '_> {
         }
     }
 
+    /// A curve along `guide`, a taut polyline from start to goal, and polished: the stages that follow a way already known.
+    pub fn curve_along(
+        &self,
+        guide: &[Point2],
+        meter: &mut Meter<'_>,
+        tell: Tell<'_>,
+    ) -> Option<Best> {
+        let guide = self.to_the_region(guide);
+        let refined = self.refine(&guide, meter, &mut |_, _| {})?;
+        tell(&step(meter.iterations(), &refined));
+        let mut found = FullSearch {
+            best: Some(Best::from(refined)),
+            ..FullSearch::default()
+        };
+        self.polish(&mut found, meter, tell);
+        found.best
+    }
+
     /// The cheapest curve along `guide`: as it is, or with its ends bent where they turn sharply or nothing is found otherwise.
     fn refine(
         &self,
@@ -522,6 +540,24 @@ impl Full<'_, '_> {
         let Ok(path) = CurvePath::new(curves.clone()) else {
             return;
         };
+        if self.problem.start.curvature.is_some() {
+            // A tree of curves leaves along the heading, but with any curvature: no path until it is smoothed.
+            let spacing = FINER * self.params.scale;
+            let smoothed = refine::polish(
+                self.problem,
+                self.params,
+                self.checker,
+                &curves,
+                spacing,
+                meter,
+                &mut |_, _| {},
+            );
+            if let Some(smoothed) = smoothed {
+                tell(&step(meter.iterations(), &smoothed));
+                found.best = Some(Best::from(smoothed));
+            }
+            return;
+        }
         let jerk_weight = refine::jerk_weight(self.params.corner_length());
         let length = path.length();
         let cost = self.weight() * (length + jerk_weight * path.bending());

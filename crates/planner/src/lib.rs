@@ -28,6 +28,7 @@ pub mod pipeline;
 mod point_tree;
 pub mod problem;
 pub mod refine;
+pub mod replan;
 pub mod report;
 pub mod rrt;
 pub mod rrt_star;
@@ -53,5 +54,6 @@ pub use params::{
 };
 pub use pipeline::{plan, plan_observed};
 pub use problem::{EndPose, GoalRegion, PlanningProblem};
+pub use replan::{Blockage, Decision, Previous, Replan, ReplanParams, Validity, replan};
 pub use report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};
 pub use shortest::{Shortest, shortest};

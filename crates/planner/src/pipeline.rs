@@ -33,7 +33,7 @@ use std::f64::consts::PI;
 /// Iterations for the lower bound of methods that do not need it themselves: a millisecond or two.
 const BOUND_ITERATIONS: u64 = 1000;
 /// How closely the least clearance of a path is found, in units of δ: to 2 mm on the yard.
-const CLEARANCE_TOLERANCE: f64 = 0.1;
+pub(crate) const CLEARANCE_TOLERANCE: f64 = 0.1;
 
 /// Plans a path for `problem.footprint` from `problem.start` into `problem.goal`.
 ///
@@ -65,6 +65,17 @@ pub fn plan_observed(
     budget: &Budget<'_>,
     observe: &mut dyn FnMut(&TraceEntry),
 ) -> Result<PlanReport, PlanError> {
+    plan_metered(problem, params, seed, Meter::new(budget), observe)
+}
+
+/// [`plan_observed`] with a meter that has counted other work before.
+pub(crate) fn plan_metered(
+    problem: &PlanningProblem<'_>,
+    params: &PlannerParams,
+    seed: u64,
+    meter: Meter<'_>,
+    observe: &mut dyn FnMut(&TraceEntry),
+) -> Result<PlanReport, PlanError> {
     params.check()?;
     problem.check(params.margin)?;
     let checker = MotionChecker::new(
@@ -79,7 +90,7 @@ pub fn plan_observed(
         seed,
         discs: checker.inscribed(),
         checker,
-        meter: Meter::new(budget),
+        meter,
         stages: Stages::default(),
         lower_bound: None,
         trace: Vec::new(),
@@ -460,7 +471,7 @@ fn polyline(path: Vec<Point2>) -> (End, Option<PlannedPath>) {
 }
 
 /// δ, m: the parameters', but no more than what the ends have to spare, or every motion out of a tight start would be refused.
-fn resolution(problem: &PlanningProblem<'_>, params: &PlannerParams) -> f64 {
+pub(crate) fn resolution(problem: &PlanningProblem<'_>, params: &PlannerParams) -> f64 {
     let checker = MotionChecker::new(problem.world, &problem.footprint, params.margin, 0.0);
     let spare = |end: &EndPose| {
         let clearance = match end.heading {

@@ -12,6 +12,10 @@ pub struct EndPose {
     pub position: Point2,
     /// Heading counter-clockwise from +x, rad; `None`: any.
     pub heading: Option<f64>,
+    /// σ_0, 1/m, positive to the left: the curvature with which a path must begin there; `None`: any. For a start with a heading,
+    /// where a steering angle that cannot jump is turned already. Heeded by [`Method::Full`](crate::Method::Full), whose paths have
+    /// continuous curvature; those of the other methods begin with any.
+    pub curvature: Option<f64>,
 }
 
 impl EndPose {
@@ -21,6 +25,7 @@ impl EndPose {
         Self {
             position: Point2::new(x, y),
             heading: Some(heading),
+            curvature: None,
         }
     }
 
@@ -30,6 +35,16 @@ impl EndPose {
         Self {
             position: Point2::new(x, y),
             heading: None,
+            curvature: None,
+        }
+    }
+
+    /// The same end, with the curvature (σ_0, 1/m) with which a path must begin there.
+    #[must_use]
+    pub fn with_curvature(self, curvature: f64) -> Self {
+        Self {
+            curvature: Some(curvature),
+            ..self
         }
     }
 }
@@ -53,6 +68,7 @@ impl GoalRegion {
         EndPose {
             position: self.position,
             heading: self.heading,
+            curvature: None,
         }
     }
 
@@ -109,12 +125,35 @@ impl PlanningProblem<'_> {
         }
         // A radius below zero would grow every clearance, and one that is not a number hide in a maximum.
         self.footprint.check()?;
+        self.check_curvature()?;
         self.check_end(End::Start, &self.start, margin)?;
         self.check_end(End::Goal, &self.goal.end(), margin)
     }
 
+    fn check_curvature(&self) -> Result<(), PlanError> {
+        let Some(curvature) = self.start.curvature else {
+            return Ok(());
+        };
+        let refused = |expected| {
+            Err(PlanError::InvalidParameter {
+                name: "start curvature_per_m",
+                value: curvature,
+                expected,
+            })
+        };
+        if curvature.is_nan() || curvature.abs() > self.max_curvature {
+            return refused("within the curvature limit");
+        }
+        if self.start.heading.is_none() {
+            return refused("left out where the start has no heading");
+        }
+        Ok(())
+    }
+
     fn check_end(&self, which: End, end: &EndPose, margin: f64) -> Result<(), PlanError> {
-        let EndPose { position, heading } = *end;
+        let EndPose {
+            position, heading, ..
+        } = *end;
         for (name, value) in [
             ("x_m", position.x),
             ("y_m", position.y),
@@ -218,6 +257,32 @@ mod tests {
                 ..
             })
         ));
+    }
+
+    #[test]
+    fn a_start_curvature_beyond_the_limit_or_without_a_heading_is_refused() {
+        let world = room(10.0, vec![]);
+        let with = |curvature| PlanningProblem {
+            start: EndPose::pose(2.0, 2.0, 0.0).with_curvature(curvature),
+            ..problem(&world)
+        };
+        for curvature in [0.0, 0.8, -0.8] {
+            assert_eq!(with(curvature).check(0.0), Ok(()));
+        }
+        for curvature in [0.81, -0.81, f64::INFINITY, f64::NAN] {
+            assert!(matches!(
+                with(curvature).check(0.0),
+                Err(PlanError::InvalidParameter {
+                    expected: "within the curvature limit",
+                    ..
+                })
+            ));
+        }
+        let free = PlanningProblem {
+            start: EndPose::point(2.0, 2.0).with_curvature(0.1),
+            ..problem(&world)
+        };
+        assert!(free.check(0.0).is_err());
     }
 
     #[test]

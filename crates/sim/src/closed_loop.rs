@@ -787,6 +787,7 @@ impl<'s> Ride<'s> {
             EndPose {
                 position: end.position,
                 heading: Some(end.heading),
+                curvature: None,
             },
             |goal| goal.end(),
         );

@@ -597,6 +597,7 @@ impl Resolver<'_> {
         let pose = EndPose {
             position: Point2::new(x, y),
             heading,
+            curvature: None,
         };
         Ok((state, Some(pose)))
     }

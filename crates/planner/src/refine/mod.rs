@@ -43,6 +43,9 @@ const FEWEST_SEGMENTS: usize = 6;
 /// Most segments; longer paths are too long for their scale.
 const MOST_SEGMENTS: f64 = 10_000.0;
 
+/// Equalities of a programme: position and heading at both ends, curvature at the start.
+const MOST_EQUALITIES: usize = 7;
+
 /// Clearance asked of the rows beyond the checker's margin, in units of the scale; or the checker's resolution, if that is more.
 const MARGIN: f64 = 0.05;
 /// What a blocked segment is asked to keep in addition each time, in units of the scale.
@@ -238,15 +241,18 @@ impl<'a, 'w> Refinement<'a, 'w> {
         let start = Clamp {
             position: problem.start.position,
             direction: problem.start.heading.map(direction),
+            curvature: problem.start.curvature,
         };
         let goal = match params.goal {
             GoalMode::Pose => Clamp {
                 position: problem.goal.position,
                 direction: problem.goal.heading.map(direction),
+                curvature: None,
             },
             GoalMode::Ball => Clamp {
                 position: last,
                 direction: None,
+                curvature: None,
             },
         };
         Some(Self {
@@ -281,7 +287,11 @@ impl<'a, 'w> Refinement<'a, 'w> {
         let segments = spline.segments();
         let rows = self.row_maker();
         let mut programme = Programme {
-            qp: BandedQp::new(2 * (segments + 3), rows.most_rows(segments), 6),
+            qp: BandedQp::new(
+                2 * (segments + 3),
+                rows.most_rows(segments),
+                MOST_EQUALITIES,
+            ),
             rows,
             objective: Objective {
                 jerk_weight: self.jerk_weight,
@@ -350,6 +360,11 @@ impl<'a, 'w> Refinement<'a, 'w> {
         best
     }
 
+    fn is_curvature_fixed(&self) -> bool {
+        let start = &self.ends[0];
+        start.direction.is_some() && start.curvature.is_some()
+    }
+
     fn row_maker(&self) -> RowMaker<'_> {
         RowMaker {
             world: self.checker.world(),
@@ -358,6 +373,7 @@ impl<'a, 'w> Refinement<'a, 'w> {
             max_curvature: self.max_curvature,
             price: PRICE,
             clamped: self.ends.map(|end| end.direction.is_some()),
+            curvature_is_fixed: self.is_curvature_fixed(),
         }
     }
 
@@ -403,7 +419,8 @@ impl<'a, 'w> Refinement<'a, 'w> {
         }
     }
 
-    /// Both end points stay where they are; end tangents stay along their headings, and forward.
+    /// Both end points stay where they are; end tangents stay along their headings, and forward; and so does a prescribed
+    /// curvature: n·c_2 − σ_0 v²/3 keeps its value, linearised in the speed v. What is left of the square, snapping takes off.
     fn hold_ends(
         &self,
         qp: &mut BandedQp<8>,
@@ -425,6 +442,18 @@ impl<'a, 'w> Refinement<'a, 'w> {
                 let tangent = (spline.control[first + 2] - spline.control[first]) * 0.5;
                 let bound = tangent.dot(&u) - FORWARD * spacing;
                 qp.add_row(x0, &forward, bound)?;
+                if let Some(sigma) = end.curvature {
+                    let speed = tangent.dot(&u);
+                    // ∂(σ_0 v²/3)/∂c_2 = −∂/∂c_0 = σ_0 v u/3
+                    let by = u * (sigma * speed / 3.0);
+                    let curved = [
+                        (x0, by.x),
+                        (x0 + 1, by.y),
+                        (x2, -u.y - by.x),
+                        (x2 + 1, u.x - by.y),
+                    ];
+                    qp.add_equality(&curved, 0.0)?;
+                }
             }
         }
         Ok(())

@@ -52,6 +52,8 @@ pub(crate) struct RowMaker<'a> {
     pub price: f64,
     /// Whether start and goal have headings.
     pub clamped: [bool; 2],
+    /// Whether the curvature at the start is prescribed.
+    pub curvature_is_fixed: bool,
 }
 
 /// A row Σ coefficients·step ≤ bound + e, on the four control points of a segment.
@@ -119,7 +121,9 @@ impl RowMaker<'_> {
                 && s.abs() >= PEAK * limit
                 && s.abs() >= sigma[j - 1].abs()
                 && s.abs() > sigma[j + 1].abs();
-            if (at_joint && s.abs() > CURVED * self.max_curvature) || is_peak {
+            // Nothing can be done about a curvature that is prescribed.
+            let is_fixed = self.curvature_is_fixed && segment == 0 && j == 0;
+            if (at_joint && !is_fixed && s.abs() > CURVED * self.max_curvature) || is_peak {
                 let place = spline.place(segment, j as f64 / SAMPLES as f64);
                 add(Some(self.curvature_row(segment, &place, limit)));
             }

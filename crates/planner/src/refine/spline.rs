@@ -56,6 +56,8 @@ pub(crate) struct Clamp {
     pub position: Point2,
     /// Unit vector of the prescribed heading; `None`: any.
     pub direction: Option<Vector2>,
+    /// σ there, 1/m; `None`: any. Heeded at an end with a direction.
+    pub curvature: Option<f64>,
 }
 
 /// Positions, m, of the control points; at least four.
@@ -176,7 +178,8 @@ impl Spline {
     }
 
     /// Takes the last rounding off the ends by moving the two outermost control points: with forward speed v along the
-    /// prescribed direction u, c_0 = c_2 − 2 v u, and c_1 = (6 p_0 − c_0 − c_2)/4.
+    /// prescribed direction u, c_0 = c_2 − 2 v u, and c_1 = (6 p_0 − c_0 − c_2)/4. Where the curvature σ_0 is prescribed too, c_2 first
+    /// moves across u to n·c_2 = n·p_0 + σ_0 v²/3, n the normal to the left: then n·P'' = 3 n·(c_2 − p_0) = σ_0 v².
     pub fn snap(&mut self, [start, goal]: &[Clamp; 2]) {
         let n = self.control.len();
         snap_end(start, &mut self.control, [0, 1, 2], 1.0);
@@ -214,6 +217,11 @@ fn snap_end(clamp: &Clamp, control: &mut [Point2], outer: [usize; 3], sign: f64)
     let [c0, c1, c2] = outer;
     if let Some(u) = clamp.direction {
         let speed = 0.5 * sign * (control[c2] - control[c0]).dot(&u);
+        if let Some(sigma) = clamp.curvature {
+            let left = Vector2::new(-u.y, u.x);
+            let aside = sigma * speed * speed / 3.0;
+            control[c2] += left * (aside - left.dot(&(control[c2] - clamp.position)));
+        }
         control[c0] = control[c2] - u * (2.0 * sign * speed);
     }
     let inner = clamp.position.coords * 6.0 - control[c0].coords - control[c2].coords;
@@ -235,6 +243,7 @@ mod tests {
         Clamp {
             position,
             direction: None,
+            curvature: None,
         }
     }
 
@@ -278,13 +287,13 @@ mod tests {
         }
 
         #[test]
-        fn snapped_ends_are_where_and_how_they_are_held(points in points().prop_filter("room between the ends", |p| p.len() > 4), heading in -3.1..3.1_f64) {
+        fn snapped_ends_are_where_and_how_they_are_held(points in points().prop_filter("room between the ends", |p| p.len() > 4), heading in -3.1..3.1_f64, curvature in -0.5..0.5_f64) {
             let mut spline = Spline::through(&points, Vector2::new(1.0, 2.0), Vector2::new(2.0, 1.0));
             let u = Vector2::new(heading.cos(), heading.sin());
             let direction = Some(u);
             let ends = [
-                Clamp { position: Point2::new(1.0, 2.0), direction },
-                Clamp { position: Point2::new(-3.0, 4.0), direction },
+                Clamp { position: Point2::new(1.0, 2.0), direction, curvature: Some(curvature) },
+                Clamp { position: Point2::new(-3.0, 4.0), direction, curvature: None },
             ];
             spline.snap(&ends);
             let last = spline.segments() - 1;
@@ -293,6 +302,9 @@ mod tests {
                 prop_assert!((place.first - u * place.first.dot(&u)).norm() < 1e-12);
             }
             let curves = spline.curves(&ends);
+            // Roundings of 1e-14 of coordinates of 50 m, over the square of the speed.
+            let rounding = 1e-12 / curves[0].start_tangent().norm_squared();
+            prop_assert!((curves[0].curvature(0.0) - curvature).abs() < 1e-9 + rounding);
             prop_assert_eq!(curves[0].start_point(), ends[0].position);
             prop_assert_eq!(curves[last].end_point(), ends[1].position);
         }

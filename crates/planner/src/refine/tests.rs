@@ -46,6 +46,7 @@ impl Case {
             start: EndPose {
                 position: self.scene.start.position,
                 heading: heading(&self.scene.start),
+                curvature: None,
             },
             goal: GoalRegion {
                 position: self.scene.goal.position,
@@ -454,6 +455,7 @@ fn ends_of(spline: &Spline) -> [Clamp; 2] {
     [spline.place(0, 0.0), spline.place(last, 1.0)].map(|place| Clamp {
         position: place.point,
         direction: None,
+        curvature: None,
     })
 }
 
@@ -480,6 +482,7 @@ fn clearance_of_a_swinging_disc_changes_as_its_row_says() {
             max_curvature: 1.0,
             price: 1.0,
             clamped: [false; 2],
+            curvature_is_fixed: false,
         };
         let demands = Demands {
             clearance: vec![0.1; 3],
@@ -523,6 +526,7 @@ fn on_a_boundary_the_row_points_to_where_clearance_grows() {
         max_curvature: 1.0,
         price: 1.0,
         clamped: [false; 2],
+        curvature_is_fixed: false,
     };
     let demands = Demands {
         clearance: vec![0.0; 3],
