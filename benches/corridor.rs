@@ -76,6 +76,7 @@ fn measured(yard: &LoadedMap, params: &PlannerParams) -> (CorridorSearch, f64, u
         start: EndPose {
             position: start.position,
             heading: start.heading,
+            curvature: None,
         },
         goal: GoalRegion {
             position: goal.position,
