@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | [`Validity`] of what is left of the old path | always; free → keep it | microseconds |
 //! | something clearly better | only if asked for | a plan |
-//! | local repair: round what is blocked, then [`refine`](crate::refine) all that is left | blocked | a few milliseconds |
+//! | local repair: round what is blocked, then [`refine`] all that is left | blocked | a few milliseconds |
 //! | afresh, by [`full`](crate::Method::Full) | nothing repaired, or by a long detour | a plan |
 //! | none of these | – | stop where the old path is still free |
 //!

@@ -176,6 +176,58 @@ fn a_block_on_the_path_is_led_around_without_a_jump() {
 }
 
 #[test]
+fn an_outline_with_a_heading_is_led_around_too() {
+    let scene = load("fig6");
+    let whole = problem(&scene.world, &scene.start, &scene.goal, Footprint::bike());
+    let path = planned(&whole);
+    for k in 0..8_u32 {
+        let on = path.length() * (0.2 + 0.08 * f64::from(k));
+        let world = with(&scene.world, vec![square(path.at(on).position, 2.0)]);
+        let problem = PlanningProblem {
+            world: &world,
+            ..whole.clone()
+        };
+        let previous = Previous {
+            curves: &path,
+            now: 3.0,
+            at: 4.0,
+        };
+        let answer = ask(&problem, &ReplanParams::default(), &previous, u64::from(k));
+        let new = answer
+            .path
+            .unwrap_or_else(|| panic!("{k}: {:?}", answer.decision));
+        check(&problem, &previous, &new);
+    }
+}
+
+/// A repair stays near the old path's length where there is room: it is no worse than planning the whole anew, by more than the detour allowed.
+#[test]
+fn a_repair_is_nearly_as_short_as_a_fresh_plan() {
+    let (scene, path) = yard();
+    let mut worst: f64 = 0.0;
+    for k in 0..6_u32 {
+        let on = path.length() * (0.2 + 0.1 * f64::from(k));
+        let world = with(&scene.world, vec![square(path.at(on).position, 2.0)]);
+        let previous = Previous {
+            curves: path,
+            now: 1.0,
+            at: 2.0,
+        };
+        let problem = PlanningProblem {
+            start: previous.start(),
+            ..yard_problem(&world)
+        };
+        let answer = ask(&problem, &ReplanParams::default(), &previous, 1);
+        let fresh = planned(&problem);
+        let ratio = answer.path.unwrap().length() / fresh.length();
+        eprintln!("RATIO {k} {ratio} {:?}", answer.decision);
+        worst = worst.max(ratio);
+    }
+    // Half of it.
+    assert!(worst < 1.025, "{worst}");
+}
+
+#[test]
 fn a_block_beside_the_path_changes_nothing() {
     let (scene, path) = yard();
     let place = path.at(0.5 * path.length());
