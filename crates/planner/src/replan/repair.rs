@@ -16,9 +16,11 @@ const WIDER_HALF_WIDTHS: f64 = 2.0;
 /// The way round is looked for in an ellipse of this many times the distance, and so many scales more.
 const ELLIPSE: f64 = 1.6;
 const ELLIPSE_SCALES: f64 = 12.0;
-/// Searches for a way round, and samples of each.
+/// Searches for a way round, samples of the first, and of those that follow: in the ellipse of what is shorter than the best there is little
+/// to be found, and it is found soon.
 const STARTS: u32 = 6;
 const SAMPLES: u64 = 3000;
+const MORE_SAMPLES: u64 = 200;
 /// A curve that is no free polyline is followed in steps halved at most so often.
 const HALVINGS: u32 = 8;
 
@@ -107,13 +109,14 @@ fn around(
             goal_mode: GoalMode::Pose,
             tolerance: 0.0,
             max_step: params.max_step(),
-            max_samples: SAMPLES.min(params.search_iterations),
+            max_samples: if start == 0 { SAMPLES } else { MORE_SAMPLES }
+                .min(params.search_iterations),
             shorter_than,
         };
         let mut chance = Chance::new(seed, Purpose::Repair, start);
         let search = birrt::search(&query, true, &mut chance, meter);
         let Some(coarse) = search.path else {
-            // Another start would use up as many samples for nothing.
+            // Another start would use up as many samples for nothing, or nearly.
             break;
         };
         let rivals = Rivals {

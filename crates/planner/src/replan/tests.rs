@@ -220,11 +220,10 @@ fn a_repair_is_nearly_as_short_as_a_fresh_plan() {
         let answer = ask(&problem, &ReplanParams::default(), &previous, 1);
         let fresh = planned(&problem);
         let ratio = answer.path.unwrap().length() / fresh.length();
-        eprintln!("RATIO {k} {ratio} {:?}", answer.decision);
         worst = worst.max(ratio);
     }
-    // Half of it.
-    assert!(worst < 1.025, "{worst}");
+    // Measured: 1.0009. The classes of other ways round are longer by per cents.
+    assert!(worst < 1.01, "{worst}");
 }
 
 #[test]
