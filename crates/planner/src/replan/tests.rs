@@ -200,7 +200,7 @@ fn an_outline_with_a_heading_is_led_around_too() {
     }
 }
 
-/// A repair stays near the old path's length where there is room: it is no worse than planning the whole anew, by more than the detour allowed.
+/// Where there is room a repair is about as short as planning the whole anew.
 #[test]
 fn a_repair_is_nearly_as_short_as_a_fresh_plan() {
     let (scene, path) = yard();
