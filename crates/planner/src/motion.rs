@@ -20,6 +20,8 @@ use std::collections::BinaryHeap;
 
 /// Intervals still to be examined. Each level at least halves the interval, so this depth resolves 2⁻⁶⁰ of a motion.
 const STACK: usize = 62;
+/// In place of the clearance at the ends of an interval that is not known yet.
+const UNASKED: f64 = f64::INFINITY;
 /// Most queries for one motion, and most intervals split in search of the least clearance. Reached only if the resolution
 /// is absurdly fine for the length of the motion.
 const MAX_QUERIES: u32 = 20_000;
@@ -267,9 +269,21 @@ impl<'w> MotionChecker<'w> {
         let mut best = f64::INFINITY;
         let mut open = BinaryHeap::new();
         for (index, motion) in motions.iter().enumerate() {
-            let [from, to] = [0.0, 1.0].map(|t| (t, self.pose_clearance(&motion.pose(t))));
-            best = best.min(from.1).min(to.1);
-            open.push(self.interval(motion, index, from, to));
+            // Whatever its heading, the footprint is within its reach of the middle of the way and half the way. Most of a path is far from
+            // everything, and its clearance is then never asked for.
+            let middle = motion.pose(0.5).position;
+            let bound =
+                self.world.clearance_lower_bound(middle) - self.reach - 0.5 * motion.speed();
+            open.push(Interval {
+                bound: if bound.is_nan() {
+                    f64::NEG_INFINITY
+                } else {
+                    bound
+                },
+                index,
+                from: (0.0, UNASKED),
+                to: (1.0, UNASKED),
+            });
         }
         let mut queries = 0;
         while let Some(interval) = open.pop() {
@@ -278,6 +292,12 @@ impl<'w> MotionChecker<'w> {
                 return interval.bound.min(best);
             }
             let motion = &motions[interval.index];
+            if interval.from.1 == UNASKED {
+                let [from, to] = [0.0, 1.0].map(|t| (t, self.pose_clearance(&motion.pose(t))));
+                best = best.min(from.1).min(to.1);
+                open.push(self.interval(motion, interval.index, from, to));
+                continue;
+            }
             let middle = 0.5 * (interval.from.0 + interval.to.0);
             let middle = (middle, self.pose_clearance(&motion.pose(middle)));
             best = best.min(middle.1);
