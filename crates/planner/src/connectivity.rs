@@ -15,6 +15,7 @@
 
 use crate::budget::Meter;
 use crate::motion::MotionChecker;
+use crate::shortest::shortest;
 use bikebot_geometry::{Point2, Vector2};
 use std::collections::VecDeque;
 
@@ -28,6 +29,8 @@ const FINEST: usize = 4096;
 const PATIENCE: u64 = 1024;
 /// Cells that count as one iteration of the budget, so that a deadline holds here too.
 const CELLS_PER_ITERATION: u32 = 64;
+/// Iterations for the exact shortest way: among hundreds of obstacles it is found or ruled out.
+const SHORTEST_ITERATIONS: u64 = 2000;
 /// Questions about clearance that do, where cells take many of them: some 0.1 ms.
 const QUERIES_PER_ITERATION: u32 = 512;
 
@@ -62,7 +65,10 @@ impl Doubt {
         if self.refinement >= REFINEMENTS || samples < PATIENCE << self.refinement {
             return false;
         }
-        if self.refinement == 0 && are_in_separate_rooms(checker, start, goal, meter) {
+        if self.refinement == 0
+            && (are_in_separate_rooms(checker, start, goal, meter)
+                || has_no_shortest_way(checker, start, goal, meter))
+        {
             return true;
         }
         let cells = COARSEST << self.refinement;
@@ -97,6 +103,21 @@ pub(crate) fn are_in_separate_rooms(
     let (world, need) = (checker.world(), room_needed(checker));
     [start, goal].iter().all(|p| world.clearance(*p) >= need)
         && settled(meter, |stop| world.are_apart(start, goal, need, stop))
+}
+
+/// Whether the search for the exact [shortest](crate::shortest) way runs dry, which walls of any thinness make it do.
+fn has_no_shortest_way(
+    checker: &MotionChecker<'_>,
+    start: Point2,
+    goal: Point2,
+    meter: &mut Meter<'_>,
+) -> bool {
+    let radius = checker.inscribed_radius() + checker.margin();
+    let world = checker.world();
+    let shortest = meter.at_most(SHORTEST_ITERATIONS, |meter| {
+        shortest(world, radius, start, goal, 0.0, None, meter)
+    });
+    shortest.length == f64::INFINITY
 }
 
 /// Asks for a proof whose preparation may take long, as two iterations: what was stopped within must not be taken, when it is

@@ -21,6 +21,7 @@ use crate::connection::Connector;
 use crate::connectivity;
 use crate::corridor;
 use crate::corridor_ends::Ends;
+use crate::end_arcs::DubinsWord;
 use crate::guide;
 use crate::in_order;
 use crate::motion::MotionChecker;
@@ -31,7 +32,7 @@ use crate::report::{Stage, Stages};
 use crate::search::PointQuery;
 use crate::shortest::shortest;
 use crate::taut::{self, Ending, Pulled, Rivals};
-use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Polyline, Vector2, angle};
+use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Polyline, Pose2, Vector2, angle};
 
 /// Starts of a batch. Rivals are shared between batches only: more of them would find more paths twice.
 const BATCH: u32 = 8;
@@ -52,6 +53,10 @@ const FINER: f64 = 0.5;
 const POLISH_SPACING: f64 = 2.0;
 /// Length that later stages may make up for, in units of the scale: rivals longer by more are dropped.
 const SLACK: f64 = 3.0;
+/// Distance of the ends, in turning radii, up to which Dubins words are tried; and their radius: a spline of continuous curvature needs room
+/// to wind up to a turn.
+const NEAR: f64 = 6.0;
+const WORD_RADIUS: f64 = 1.3;
 /// A turn between an end's heading and the guide beyond which bending the guide may give the cheaper curve, rad.
 const SHARP: f64 = std::f64::consts::FRAC_PI_3;
 
@@ -164,7 +169,11 @@ impl Full<'_, '_> {
         let [start, goal] = [self.problem.start.position, self.problem.goal.position];
         found.disconnected = connectivity::are_in_separate_regions(self.discs, start, goal, meter)
             || self.shortest(QUICK, found, meter, tell);
-        if found.disconnected || found.is_exact {
+        if found.disconnected {
+            return;
+        }
+        self.turn_at_once(found, meter, tell);
+        if found.is_exact {
             self.polish(found, meter, tell);
             return;
         }
@@ -190,6 +199,65 @@ impl Full<'_, '_> {
                     || FLOODS.into_iter().any(|cells| {
                         connectivity::are_separated(self.discs, start, goal, cells, meter)
                     });
+        }
+    }
+
+    /// Where start and goal are so near to each other that to turn is most of the way, the Dubins words between them are ways of their own: a
+    /// polyline knows nothing of going round.
+    fn turn_at_once(&self, found: &mut FullSearch, meter: &mut Meter<'_>, tell: Tell<'_>) {
+        let [Some(from), Some(to)] = self.headings() else {
+            return;
+        };
+        let [start, goal] = [self.problem.start.position, self.problem.goal.position];
+        let radius = WORD_RADIUS / self.problem.max_curvature;
+        if (goal - start).norm() > NEAR * radius {
+            return;
+        }
+        let ends =
+            [(start, from), (goal, to)].map(|(position, heading)| Pose2 { position, heading });
+        for word in DubinsWord::between(&ends[0], &ends[1], radius) {
+            if self.is_over(found, meter) || self.weight() * word.length() >= found.cost() {
+                return;
+            }
+            let mut path: Vec<_> = word
+                .poses(self.params.max_step())
+                .iter()
+                .map(|pose| pose.position)
+                .collect();
+            path.dedup();
+            if let Some(last) = path.last_mut() {
+                *last = goal;
+            }
+            let way = Way {
+                number: 0,
+                tree: Vec::new(),
+                coarse: path.clone(),
+                pulled: Pulled {
+                    path,
+                    length: word.length(),
+                    ending: Ending::Taut,
+                    rounds: 0,
+                },
+            };
+            found.has_way = true;
+            let mut told = found.cost();
+            let (problem, params) = (self.problem, self.params);
+            let refined = refine::apply(
+                problem,
+                params,
+                self.checker,
+                &way.pulled.path,
+                meter,
+                &mut |iteration, refined| {
+                    if refined.cost < told {
+                        told = refined.cost;
+                        tell(&step(iteration, refined));
+                    }
+                },
+            );
+            if refined.is_some() {
+                self.keep(&way, refined, told, found, meter, tell);
+            }
         }
     }
 
