@@ -3,7 +3,8 @@
 //     compare scene.json turning_radius_m resolution_m exact_length_m runs
 //
 // Processor time of the thread. States are valid off all polygons and inside the field, tested exactly; motions are sampled
-// at the resolution. Prints rows of a Markdown table: scene, planner, runs that found something, ms, length / exact.
+// at the resolution. Prints rows of a Markdown table: scene, planner, runs that found something, ms, length / exact. Each run is a
+// process of its own, with its own seed: assertions in Debian's build of OMPL may end it, which is counted.
 
 #include <algorithm>
 #include <cmath>
@@ -16,6 +17,9 @@
 #include <string>
 #include <utility>
 #include <vector>
+
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <boost/property_tree/json_parser.hpp>
 #include <boost/property_tree/ptree.hpp>
@@ -125,19 +129,55 @@ private:
     std::vector<std::vector<std::size_t>> squares_;
 };
 
+// What one run came to: ms and length in exact lengths, of the first path and of the last; not finite where there was none.
+struct Result {
+    double firstTime = INFINITY, firstRatio = INFINITY, time = INFINITY, ratio = INFINITY;
+};
+
+// The results of `runs` runs, each in a child; those that were aborted are missing.
+std::vector<Result> isolated(int runs, const std::function<Result()> &run) {
+    std::vector<Result> results;
+    for (int i = 0; i < runs; ++i) {
+        int ends[2];
+        if (pipe(ends) != 0) std::abort();
+        const pid_t child = fork();
+        if (child < 0) std::abort();
+        if (child == 0) {
+            // What the assertion prints is told by the count.
+            if (std::freopen("/dev/null", "w", stderr) == nullptr) _exit(1);
+            ompl::RNG::setSeed(static_cast<unsigned>(i + 1));
+            const Result result = run();
+            const bool sent = write(ends[1], &result, sizeof result) == sizeof result;
+            _exit(sent ? 0 : 1);
+        }
+        close(ends[1]);
+        Result result;
+        if (read(ends[0], &result, sizeof result) == sizeof result) results.push_back(result);
+        close(ends[0]);
+        waitpid(child, nullptr, 0);
+    }
+    return results;
+}
+
 double median(std::vector<double> values) {
-    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
     std::sort(values.begin(), values.end());
     return values[values.size() / 2];
 }
 
-void row(const std::string &scene, const char *planner, int runs, const std::vector<double> &times,
-         const std::vector<double> &ratios) {
+void row(const std::string &scene, const char *planner, int runs, const std::vector<Result> &results,
+         double Result::*time, double Result::*ratio) {
+    std::vector<double> times, ratios;
+    for (const auto &result : results)
+        if (std::isfinite(result.*ratio)) {
+            times.push_back(result.*time);
+            ratios.push_back(result.*ratio);
+        }
+    const int aborted = runs - static_cast<int>(results.size());
+    std::printf("| %s | %s | %zu/%d | %d | ", scene.c_str(), planner, ratios.size(), runs, aborted);
     if (ratios.empty())
-        std::printf("| %s | %s | 0/%d | – | – |\n", scene.c_str(), planner, runs);
+        std::printf("– | – |\n");
     else
-        std::printf("| %s | %s | %zu/%d | %.2f | %.4f |\n", scene.c_str(), planner, ratios.size(), runs,
-                    median(times), median(ratios));
+        std::printf("%.2f | %.4f |\n", median(times), median(ratios));
     std::fflush(stdout);
 }
 
@@ -164,8 +204,8 @@ void polyline(const Scene &scene, const std::string &name, double resolution, do
         start[axis] = scene.start[axis];
         goal[axis] = scene.goal[axis];
     }
-    std::vector<double> firstTimes, firstRatios, times, ratios;
-    for (int run = 0; run < runs; ++run) {
+    const auto results = isolated(runs, [&] {
+        Result result;
         auto problem = std::make_shared<ob::ProblemDefinition>(si);
         problem->setStartAndGoalStates(start, goal);
         og::RRTConnect planner(si);
@@ -174,16 +214,17 @@ void polyline(const Scene &scene, const std::string &name, double resolution, do
         planner.setup();
         if (planner.solve(ob::PlannerTerminationCondition([since] { return cpuSeconds() - since > 1.0; })) !=
             ob::PlannerStatus::EXACT_SOLUTION)
-            continue;
-        firstTimes.push_back(1e3 * (cpuSeconds() - since));
+            return result;
+        result.firstTime = 1e3 * (cpuSeconds() - since);
         auto *path = problem->getSolutionPath()->as<og::PathGeometric>();
-        firstRatios.push_back(path->length() / exact);
+        result.firstRatio = path->length() / exact;
         og::PathSimplifier(si).simplifyMax(*path);
-        times.push_back(1e3 * (cpuSeconds() - since));
-        ratios.push_back(path->length() / exact);
-    }
-    row(name, "RRT-Connect, polyline", runs, firstTimes, firstRatios);
-    row(name, "RRT-Connect + simplify, polyline", runs, times, ratios);
+        result.time = 1e3 * (cpuSeconds() - since);
+        result.ratio = path->length() / exact;
+        return result;
+    });
+    row(name, "RRT-Connect, polyline", runs, results, &Result::firstTime, &Result::firstRatio);
+    row(name, "RRT-Connect + simplify, polyline", runs, results, &Result::time, &Result::ratio);
 }
 
 void dubins(const Scene &scene, const std::string &name, double radius, double resolution, double exact, int runs) {
@@ -205,28 +246,26 @@ void dubins(const Scene &scene, const std::string &name, double radius, double r
     set(start, scene.start);
     set(goal, scene.goal);
     for (const double seconds : {0.3, 1.0}) {
-        std::vector<double> times, ratios;
-        for (int run = 0; run < runs; ++run) {
+        const auto results = isolated(runs, [&] {
+            Result result;
             auto problem = std::make_shared<ob::ProblemDefinition>(si);
             problem->setStartAndGoalStates(start, goal);
             problem->setOptimizationObjective(std::make_shared<ob::PathLengthOptimizationObjective>(si));
-            double first = -1.0;
             const double since = cpuSeconds();
             problem->setIntermediateSolutionCallback(
-                [&first, since](const ob::Planner *, const std::vector<const ob::State *> &, const ob::Cost) {
-                    if (first < 0.0) first = 1e3 * (cpuSeconds() - since);
+                [&](const ob::Planner *, const std::vector<const ob::State *> &, const ob::Cost) {
+                    if (!std::isfinite(result.time)) result.time = 1e3 * (cpuSeconds() - since);
                 });
             og::BITstar planner(si);
             planner.setProblemDefinition(problem);
             planner.setup();
             planner.solve(ob::PlannerTerminationCondition(
                 [since, seconds] { return cpuSeconds() - since > seconds; }));
-            if (!problem->hasExactSolution()) continue;
-            times.push_back(first);
-            ratios.push_back(problem->getSolutionPath()->length() / exact);
-        }
+            if (problem->hasExactSolution()) result.ratio = problem->getSolutionPath()->length() / exact;
+            return result;
+        });
         const std::string label = "BIT*, Dubins, " + std::string(seconds < 0.5 ? "0.3" : "1") + " s (ms: first)";
-        row(name, label.c_str(), runs, times, ratios);
+        row(name, label.c_str(), runs, results, &Result::time, &Result::ratio);
     }
 }
 
@@ -238,7 +277,6 @@ int main(int count, char **arguments) {
         return 2;
     }
     ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
-    ompl::RNG::setSeed(1);
     const std::string file = arguments[1];
     const double radius = std::atof(arguments[2]), resolution = std::atof(arguments[3]);
     const double exact = std::atof(arguments[4]);

@@ -20,15 +20,14 @@ g++ -std=c++17 -O3 -DBOOST_BIND_GLOBAL_PLACEHOLDERS compare.cpp -o "$out/compare
 }
 echo "OMPL $(pkg-config --modversion ompl), medians; ms of processor time, length in exact shortest lengths"
 echo
-echo "| scene | planner | found | ms | length |"
-echo "|---|---|---|---|---|"
+echo "| scene | planner | found | aborted | ms | length |"
+echo "|---|---|---|---|---|---|"
 maps=../../scenarios/maps
 # scene, turning radius (m), resolution (m), exact shortest length (m)
 while read -r scene radius resolution exact; do
-    # One process each: where OMPL aborts, the other scenes go on.
     "$out/compare" "$maps/$scene.json" "$radius" "$resolution" "$exact" "${OMPL_RUNS:-5}" ||
-        echo "| $scene | ended with status $? | | | |"
-done <<SCENES
+        echo "| $scene | ended with status $? | | | | |"
+done <<'SCENES'
 fig6 1 0.1 174.737
 fig7 1 0.04 9.963
 narrow 1 0.1 184.866
