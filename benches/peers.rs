@@ -72,6 +72,7 @@ impl Scene {
             EndPose {
                 position: pose.position,
                 heading: pose.heading,
+                curvature: None,
             }
         };
         Self {
