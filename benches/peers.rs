@@ -1,4 +1,4 @@
-//! Claim: a certified path of continuous curvature takes no longer than the peers take for a polyline, and is closer to the shortest.
+//! Claim: a certified path of continuous curvature takes about as long as the peers take for a polyline, and is closer to the shortest.
 //!
 //! The six scenes of `scenarios/maps` with a point robot, medians over 100 seeds, processor time of one thread. First our
 //! own figures beside their limits; then the crates `oxmpl` and `rrt` on the same exact world: a state is valid where

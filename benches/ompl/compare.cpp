@@ -3,8 +3,8 @@
 //     compare scene.json turning_radius_m resolution_m exact_length_m runs
 //
 // Processor time of the thread. States are valid off all polygons and inside the field, tested exactly; motions are sampled
-// at the resolution. Prints rows of a Markdown table: scene, planner, runs that found something, ms, length / exact. Each run is a
-// process of its own, with its own seed: assertions in Debian's build of OMPL may end it, which is counted.
+// at the resolution. Prints rows of a Markdown table: scene, planner, runs that found something, ms, length / exact. Each run of
+// BIT* is a process of its own, with its own seed: assertions in the Dubins space of Debian's build may end it, which is counted.
 
 #include <algorithm>
 #include <cmath>
@@ -204,7 +204,7 @@ void polyline(const Scene &scene, const std::string &name, double resolution, do
         start[axis] = scene.start[axis];
         goal[axis] = scene.goal[axis];
     }
-    const auto results = isolated(runs, [&] {
+    const auto run = [&] {
         Result result;
         auto problem = std::make_shared<ob::ProblemDefinition>(si);
         problem->setStartAndGoalStates(start, goal);
@@ -222,7 +222,10 @@ void polyline(const Scene &scene, const std::string &name, double resolution, do
         result.time = 1e3 * (cpuSeconds() - since);
         result.ratio = path->length() / exact;
         return result;
-    });
+    };
+    // All in this process: in a fresh one a millisecond's search pays for its first touch of memory.
+    std::vector<Result> results;
+    for (int i = 0; i < runs; ++i) results.push_back(run());
     row(name, "RRT-Connect, polyline", runs, results, &Result::firstTime, &Result::firstRatio);
     row(name, "RRT-Connect + simplify, polyline", runs, results, &Result::time, &Result::ratio);
 }
@@ -285,8 +288,10 @@ int main(int count, char **arguments) {
     const std::string name = file.substr(slash, file.find_last_of('.') - slash);
     try {
         const Scene scene(file);
-        polyline(scene, name, resolution, exact, 4 * runs);
+        // First, while no generator of random numbers has been made that a child's seed would come too late for.
         dubins(scene, name, radius, resolution, exact, runs);
+        ompl::RNG::setSeed(1);
+        polyline(scene, name, resolution, exact, 4 * runs);
     } catch (const std::exception &error) {
         std::fprintf(stderr, "%s: %s\n", file.c_str(), error.what());
         return 1;
