@@ -316,7 +316,8 @@ impl<'a, 'w> Refinement<'a, 'w> {
         }
         let mut faults = self.certify(&current, spacing, &mut best, meter.iterations(), observe);
         for _ in 0..most_rounds {
-            if !begin_round(meter) {
+            let is_enough = |best: &Refined| meter.is_content_with(best.cost);
+            if best.as_ref().is_some_and(is_enough) || !begin_round(meter) {
                 break;
             }
             *rounds += 1;
