@@ -57,6 +57,7 @@ pub struct Cli {
 pub enum Verb {
     Run(commands::run::RunArgs),
     Plan(commands::plan::PlanArgs),
+    Verify(commands::verify::VerifyArgs),
     Table2(commands::table2::Table2Args),
     Plot(commands::plot::PlotArgs),
     Sweep(commands::sweep::SweepArgs),
@@ -308,6 +309,7 @@ mod tests {
             [
                 "run",
                 "plan",
+                "verify",
                 "table2",
                 "plot",
                 "sweep",

@@ -2,10 +2,11 @@
 
 use bikebot_geometry::Point2;
 use bikebot_planner::report::sampling_step;
-use bikebot_planner::{EndPose, PlanError, PlanReport, PlanningProblem, TraceEntry};
+use bikebot_planner::{EndPose, PlanError, PlanReport, PlannerParams, PlanningProblem, TraceEntry};
 use bikebot_report::plan_file::Shapes;
 use bikebot_sim::Setup;
 use bikebot_sim::record::ResultHasher;
+use bikebot_world::{Cell, Obstacle, World};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -199,6 +200,47 @@ impl PlanJson {
     }
 }
 
+/// What tells one map from another: a hash over its bounds, shapes and cells.
+pub fn map_hash(world: &World) -> String {
+    let mut hasher = ResultHasher::new();
+    let bounds = world.bounds();
+    hasher.values(&[bounds.min.x, bounds.min.y, bounds.max.x, bounds.max.y]);
+    for obstacle in world.obstacles() {
+        match obstacle {
+            Obstacle::Disc { center, radius } => hasher.values(&[1.0, center.x, center.y, *radius]),
+            Obstacle::Block { min, max } => hasher.values(&[2.0, min.x, min.y, max.x, max.y]),
+            Obstacle::Polygon { vertices } => {
+                hasher.values(&[3.0, vertices.len() as f64]);
+                for v in vertices {
+                    hasher.values(&[v.x, v.y]);
+                }
+            }
+        }
+    }
+    if let Some(grid) = world.grid() {
+        let (at, yaw) = (grid.origin.position, grid.origin.heading);
+        let (width, height) = (grid.width as f64, grid.height as f64);
+        hasher.values(&[4.0, width, height, grid.resolution, at.x, at.y, yaw]);
+        // Thirty-two cells of three kinds are a whole number that a double holds.
+        let packed: Vec<f64> = grid
+            .cells
+            .chunks(32)
+            .map(|cells| {
+                cells.iter().fold(0.0, |sum, cell| {
+                    let digit = match cell {
+                        Cell::Free => 0.0,
+                        Cell::Occupied => 1.0,
+                        Cell::Unknown => 2.0,
+                    };
+                    3.0 * sum + digit
+                })
+            })
+            .collect();
+        hasher.values(&packed);
+    }
+    hasher.finish("map", "")
+}
+
 /// What `-o plan.json` holds: the plan, the curves themselves, and what pictures need.
 #[derive(Debug, Serialize)]
 pub struct PlanFile<'a> {
@@ -224,6 +266,10 @@ struct ProblemJson {
     start: EndJson,
     goal: EndJson,
     tolerance_m: f64,
+    /// "pose" or "ball": where the path may end.
+    ends_in: String,
+    /// SHA-256 over the map: bounds, shapes, cells.
+    map_hash: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -268,7 +314,7 @@ impl<'a> PlanFile<'a> {
         plan: &'a PlanJson,
         report: &PlanReport,
         problem: &PlanningProblem<'_>,
-        margin: f64,
+        params: &PlannerParams,
         map: Option<String>,
     ) -> Self {
         let bounds = problem.world.bounds();
@@ -293,11 +339,13 @@ impl<'a> PlanFile<'a> {
                 shapes: Shapes::of(problem.world),
                 grid: problem.world.grid().is_some(),
                 footprint: problem.footprint.to_string(),
-                margin_m: margin,
+                margin_m: params.margin,
                 max_curvature_per_m: problem.max_curvature,
                 start: problem.start.into(),
                 goal: problem.goal.end().into(),
                 tolerance_m: problem.goal.tolerance,
+                ends_in: name(&params.goal),
+                map_hash: map_hash(problem.world),
             },
             stages: StagesJson {
                 tree: stages

@@ -8,6 +8,7 @@
 pub mod baseline;
 pub mod birrt;
 pub mod budget;
+pub mod certificate;
 pub mod chance;
 pub mod connection;
 pub mod connectivity;
@@ -46,6 +47,9 @@ pub mod tree;
 mod visibility;
 
 pub use budget::{Budget, CutShort, Enough, Meter, StopReason};
+pub use certificate::{
+    Certificate, PathKind, Place, Promises, Terms, Verdict, Violation, ViolationKind, verify,
+};
 pub use error::{End, PlanError};
 pub use metrics::PathMetrics;
 pub use motion::MotionChecker;

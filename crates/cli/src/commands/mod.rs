@@ -13,6 +13,7 @@ pub mod run;
 pub mod schema;
 pub mod sweep;
 pub mod table2;
+pub mod verify;
 
 use std::io::{self, Write};
 use std::process::ExitCode;

@@ -188,7 +188,7 @@ impl Question<'_> {
             &planned.json,
             &planned.report,
             self.problem,
-            self.setup.planner.margin,
+            &self.setup.planner,
             loaded.map_name(),
         );
         let mut text = serde_json::to_string(&file).map_err(|error| {
@@ -460,21 +460,44 @@ fn flags(args: &PlanArgs) -> Vec<Given> {
             format!("--method {method}"),
         );
     }
-    if let Some(footprint) = &args.footprint {
+    flags.extend(problem_flags(
+        args.start,
+        args.goal,
+        args.max_curvature,
+        args.footprint.as_deref(),
+    ));
+    flags
+}
+
+/// The flags that say what is asked, as changes to the scenario.
+pub(super) fn problem_flags(
+    start: Option<EndArg>,
+    goal: Option<EndArg>,
+    max_curvature: Option<f64>,
+    footprint: Option<&str>,
+) -> Vec<Given> {
+    let mut flags = Vec::new();
+    let mut flag = |key: &str, value: String, typed: String| {
+        flags.push(Given {
+            change: Override::new(key, value),
+            typed,
+        });
+    };
+    if let Some(footprint) = footprint {
         flag(
             "planner.footprint",
-            quoted(footprint),
+            toml::Value::from(footprint).to_string(),
             format!("--footprint {footprint}"),
         );
     }
-    if let Some(curvature) = args.max_curvature {
+    if let Some(curvature) = max_curvature {
         flag(
             "planner.max_curvature_per_m",
             format!("{curvature:?}"),
             format!("--max-curvature {curvature}"),
         );
     }
-    for (name, end) in [("start", args.start), ("goal", args.goal)] {
+    for (name, end) in [("start", start), ("goal", goal)] {
         let Some(EndArg { x, y, heading_deg }) = end else {
             continue;
         };
