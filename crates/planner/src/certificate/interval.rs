@@ -85,8 +85,16 @@ impl<const N: usize> Bernstein<N> {
             },
             |hull, c| Interval {
                 // Not a number must not vanish in a minimum.
-                lo: if c.lo >= hull.lo { hull.lo } else { c.lo },
-                hi: if c.hi <= hull.hi { hull.hi } else { c.hi },
+                lo: if hull.lo.is_nan() || c.lo >= hull.lo {
+                    hull.lo
+                } else {
+                    c.lo
+                },
+                hi: if hull.hi.is_nan() || c.hi <= hull.hi {
+                    hull.hi
+                } else {
+                    c.hi
+                },
             },
         )
     }

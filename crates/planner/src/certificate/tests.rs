@@ -1,8 +1,8 @@
 use super::*;
 use crate::test_scenes::{Scene, block, load, room};
 use crate::{
-    Budget, EndPose, GoalRegion, Method, MotionChecker, PlanReport, PlannedPath, PlannerParams,
-    plan,
+    Budget, EndPose, GoalMode, GoalRegion, Method, MotionChecker, PlanReport, PlannedPath,
+    PlannerParams, plan,
 };
 use bikebot_geometry::{ParametricCurve, Pose2};
 use bikebot_world::World;
@@ -12,9 +12,10 @@ fn params(method: Method, scale: f64) -> PlannerParams {
     PlannerParams {
         method,
         scale,
-        max_curvature: 1.0 / scale,
-        iterations: 400,
-        ..PlannerParams::default()
+        max_curvature: 1.0,
+        iterations: 1500,
+        goal: GoalMode::Pose,
+        ..PlannerParams::table_1()
     }
 }
 
