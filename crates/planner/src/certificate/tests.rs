@@ -380,7 +380,7 @@ proptest! {
         let problem = PlanningProblem {
             world: &world,
             footprint: footprint.clone(),
-            start: EndPose { position: curve.start_point(), heading: None },
+            start: EndPose { position: curve.start_point(), heading: None, curvature: None },
             goal: GoalRegion { position: curve.end_point(), heading: None, tolerance: 0.0 },
             max_curvature: 5.0,
         };
