@@ -1,8 +1,8 @@
 use super::*;
 use crate::test_scenes::{Scene, block, load, room};
 use crate::{
-    Budget, EndPose, GoalMode, GoalRegion, Method, MotionChecker, PlanReport, PlannedPath,
-    PlannerParams, plan,
+    Budget, EndPose, GoalRegion, Method, MotionChecker, PlanReport, PlannedPath, PlannerParams,
+    plan,
 };
 use bikebot_geometry::{ParametricCurve, Pose2};
 use bikebot_world::World;
@@ -13,9 +13,7 @@ fn params(method: Method, scale: f64) -> PlannerParams {
         method,
         scale,
         max_curvature: 1.0,
-        iterations: 1500,
-        goal: GoalMode::Pose,
-        ..PlannerParams::table_1()
+        ..PlannerParams::default()
     }
 }
 
@@ -75,7 +73,14 @@ fn plans_on_the_scenes_hold_and_agree_with_their_own_figures() {
         ("maze", 1.0, "box:1.2x0.5@0.2"),
     ] {
         let scene = load(name);
-        let params = params(Method::Paper, scale);
+        let params = params(
+            if footprint == "point" {
+                Method::Paper
+            } else {
+                Method::Full
+            },
+            scale,
+        );
         let problem = problem(&scene, footprint.parse().unwrap(), &params);
         let report = planned(&problem, &params);
         let Some(path) = &report.path else {
