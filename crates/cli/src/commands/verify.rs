@@ -93,6 +93,7 @@ impl EndRead {
         EndPose {
             position: Point2::new(self.x_m, self.y_m),
             heading: self.heading_rad,
+            curvature: None,
         }
     }
 }
