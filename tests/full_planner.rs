@@ -128,12 +128,6 @@ fn every_scene_has_a_certified_path_near_the_shortest() {
         assert_rideable(&scene, &report, 0.01 * scene.params.scale);
         let metrics = report.metrics.unwrap();
         let ratio = metrics.length / scene.exact;
-        println!(
-            "{name}: {ratio:.4} of the shortest, roughness {:.1e}, curvature {:.2}, jump {:.0e}",
-            metrics.roughness,
-            metrics.max_curvature.unwrap(),
-            metrics.curvature_jump.unwrap()
-        );
         assert!(ratio <= scene.within, "{name}: {ratio}");
         assert!(metrics.curvature_jump.unwrap() <= 1e-9);
         if scene.params.scale == 1.0 && name == "fig6" {
