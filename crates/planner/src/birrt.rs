@@ -66,13 +66,16 @@ pub fn search(
             }
         }
         active = 1 - active;
-        if doubt.proves_separation(
-            result.samples,
-            query.checker,
-            query.start,
-            query.goal,
-            meter,
-        ) {
+        // Where a way is known already there is nothing to doubt.
+        if query.shorter_than.is_infinite()
+            && doubt.proves_separation(
+                result.samples,
+                query.checker,
+                query.start,
+                query.goal,
+                meter,
+            )
+        {
             result.disconnected = true;
             break;
         }

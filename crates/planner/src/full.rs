@@ -41,6 +41,8 @@ const SAMPLES: u64 = 3000;
 /// Iterations for the exact shortest way: before anything else is tried, a tenth of a millisecond among a few obstacles; and once there is
 /// a path, tens of milliseconds among thousands.
 const QUICK: u64 = 100;
+/// Cells of the clearance field beyond which there are too many obstacles for the quick try.
+const SIMPLE: usize = 50_000;
 const PATIENT: u64 = 10_000;
 /// Part of its length by which a taut polyline may be longer than the shortest way it stands for.
 const TOUCHING: f64 = 1e-3;
@@ -167,8 +169,10 @@ impl Full<'_, '_> {
     /// first path soon, fine for a better one, and then the shortest way if patience finds it.
     fn first(&self, found: &mut FullSearch, meter: &mut Meter<'_>, tell: Tell<'_>) {
         let [start, goal] = [self.problem.start.position, self.problem.goal.position];
+        let (columns, rows) = self.problem.world.clearance_cells();
+        let is_simple = columns * rows <= SIMPLE;
         found.disconnected = connectivity::are_in_separate_regions(self.discs, start, goal, meter)
-            || self.shortest(QUICK, found, meter, tell);
+            || (is_simple && self.shortest(QUICK, found, meter, tell));
         if found.disconnected {
             return;
         }
