@@ -175,7 +175,7 @@ fn ours(scene: &Scene, world: &World, seed: u64, deadline: Option<f64>, start: D
         &scene.params,
         seed,
         &Budget::until(&stop),
-        &mut |entry: &TraceEntry| {
+        &mut |entry: &TraceEntry, _| {
             if entry.certified && first.is_none() {
                 first = Some((milliseconds_since(start), entry.length));
                 has_path.store(true, Ordering::Relaxed);

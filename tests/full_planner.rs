@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use bikebot::geometry::{CurvePath, ParametricCurve, Point2};
 use bikebot::planner::{
     Budget, CutShort, EndPose, Enough, GoalMode, GoalRegion, Outcome, PlanReport, PlannedPath,
-    PlannerParams, PlanningProblem, Stage, StopReason, plan,
+    PlannerParams, PlanningProblem, Stage, StopReason, plan, plan_observed,
 };
 use bikebot::world::formats::{LoadedMap, MapOptions, load};
 use bikebot::world::{Bounds, Footprint, Obstacle, World};
@@ -272,4 +272,36 @@ fn a_tight_turn_is_found_one_way_or_another() {
             .iter()
             .any(|entry| entry.stage == Stage::Refine)
     );
+}
+
+/// Whoever listens has the best so far at any time: each path told of is what a search stopped there returns.
+#[test]
+fn every_better_path_is_told_and_can_be_had() {
+    let maze = Scene::load("maze", 1.0, 1.0, 187.772, 1.0);
+    let mut told = Vec::new();
+    let report = plan_observed(
+        &maze.problem(),
+        &maze.params,
+        1,
+        &Budget::unlimited(),
+        &mut |entry, curves| {
+            assert_eq!(entry.certified, curves.is_some());
+            told.extend(curves.map(|curves| (entry.cost, curves.to_vec())));
+        },
+    )
+    .unwrap();
+    assert!(told.len() > 2);
+    let (_, last) = told.last().unwrap();
+    assert_eq!(last.as_slice(), curves(&report).segments());
+    for (cost, path) in &told {
+        let until = Budget {
+            enough: Some(Enough {
+                cost: *cost,
+                settled: None,
+            }),
+            ..Budget::unlimited()
+        };
+        let stopped = maze.plan(1, &until);
+        assert_eq!(curves(&stopped).segments(), path.as_slice());
+    }
 }

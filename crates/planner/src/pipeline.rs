@@ -27,7 +27,7 @@ use crate::search::{PointQuery, PointSearch};
 use crate::shortest::shortest;
 use crate::taut::{self, Rivals};
 use crate::{corridor, dead_end, rrt, rrt_star, shortcut};
-use bikebot_geometry::{CurvePath, Point2, Polyline, Pose2, angle};
+use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Polyline, Pose2, angle};
 use std::f64::consts::PI;
 
 /// Iterations for the lower bound of methods that do not need it themselves: a millisecond or two.
@@ -50,10 +50,11 @@ pub fn plan(
     seed: u64,
     budget: &Budget<'_>,
 ) -> Result<PlanReport, PlanError> {
-    plan_observed(problem, params, seed, budget, &mut |_| {})
+    plan_observed(problem, params, seed, budget, &mut |_, _| {})
 }
 
-/// [`plan`], telling `observe` of every entry of the trace as it is made: for callers who have a clock.
+/// [`plan`], telling `observe` of every entry of the trace as it is made: for callers who have a clock, or who would rather have the best so far
+/// now. Of "full" each certified entry comes with its path, which is what `plan` would return if it were stopped there.
 ///
 /// # Errors
 ///
@@ -63,7 +64,7 @@ pub fn plan_observed(
     params: &PlannerParams,
     seed: u64,
     budget: &Budget<'_>,
-    observe: &mut dyn FnMut(&TraceEntry),
+    observe: &mut dyn FnMut(&TraceEntry, Option<&[FergusonCurve]>),
 ) -> Result<PlanReport, PlanError> {
     plan_metered(problem, params, seed, Meter::new(budget), observe)
 }
@@ -74,7 +75,7 @@ pub(crate) fn plan_metered(
     params: &PlannerParams,
     seed: u64,
     meter: Meter<'_>,
-    observe: &mut dyn FnMut(&TraceEntry),
+    observe: &mut dyn FnMut(&TraceEntry, Option<&[FergusonCurve]>),
 ) -> Result<PlanReport, PlanError> {
     params.check()?;
     problem.check(params.margin)?;
@@ -130,7 +131,7 @@ struct Run<'r, 'w, 'b> {
     /// m; `None` if the method has not asked for it.
     lower_bound: Option<f64>,
     trace: Vec<TraceEntry>,
-    observe: &'r mut dyn FnMut(&TraceEntry),
+    observe: &'r mut dyn FnMut(&TraceEntry, Option<&[FergusonCurve]>),
 }
 
 impl Run<'_, '_, '_> {
@@ -267,7 +268,7 @@ impl Run<'_, '_, '_> {
                 cost: step.cost,
                 certified: step.curves.is_some(),
             };
-            observe(&entry);
+            observe(&entry, step.curves);
             trace.push(entry);
         });
         self.stages = found.stages;
@@ -305,7 +306,7 @@ impl Run<'_, '_, '_> {
                     cost: improvement.cost,
                     certified: true,
                 };
-                observe(&entry);
+                observe(&entry, None);
                 trace.push(entry);
             },
         );
@@ -392,7 +393,7 @@ impl Run<'_, '_, '_> {
             cost,
             certified,
         };
-        (self.observe)(&entry);
+        (self.observe)(&entry, None);
         self.trace.push(entry);
     }
 

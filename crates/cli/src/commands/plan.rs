@@ -166,7 +166,7 @@ impl Question<'_> {
             &self.setup.planner,
             seed,
             &budget,
-            &mut |_| {
+            &mut |_, _| {
                 times.trace.push(watch.seconds());
             },
         )?;

@@ -347,7 +347,13 @@ impl Case<'_, '_> {
     }
 
     fn afresh(&self, meter: Meter<'_>, mut trace: Vec<TraceEntry>) -> Result<Replan, PlanError> {
-        let report = plan_metered(&self.problem, &self.params, self.seed, meter, &mut |_| {})?;
+        let report = plan_metered(
+            &self.problem,
+            &self.params,
+            self.seed,
+            meter,
+            &mut |_, _| {},
+        )?;
         trace.extend(report.trace);
         let path = match report.path {
             Some(PlannedPath::Curves(path)) => Some(path),
