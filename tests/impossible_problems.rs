@@ -4,8 +4,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use bikebot::geometry::Point2;
 use bikebot::planner::{
-    Budget, EndPose, GoalRegion, Method, Outcome, PlanError, PlannerParams, PlanningProblem,
-    Reason, plan,
+    Budget, EndPose, GoalMode, GoalRegion, Method, Outcome, PlanError, PlannerParams,
+    PlanningProblem, Reason, plan,
 };
 use bikebot::world::{Bounds, Cell, Footprint, Obstacle, OccupancyGrid, World};
 
@@ -350,4 +350,37 @@ fn odd_problems_have_plain_answers() {
     )
     .goal(35.5, 20.0, 0.0);
     assert!(found(&facing) > 30.0);
+}
+
+/// The goal's middle is walled in, but its ball reaches out through the wall: a search may end there, and nothing is disproved.
+#[test]
+fn a_ball_that_reaches_through_a_wall_is_not_called_disconnected() {
+    let case = Case::new("a ball through a wall", field(room(30.0, 30.0, 1.0, 0.2)));
+    for method in Method::ALL {
+        let params = PlannerParams {
+            method,
+            goal: GoalMode::Ball,
+            ..PlannerParams::default()
+        };
+        let mut problem = case.problem();
+        problem.goal.position = Point2::new(30.0, 30.0);
+        problem.goal.tolerance = 4.0;
+        let budget = Budget::of_iterations(30_000);
+        let report = plan(&problem, &params, 1, &budget).unwrap();
+        assert_ne!(report.outcome, Outcome::NoPath, "{method}");
+        let ends_in_the_ball = matches!(method, Method::Rrt | Method::RrtStar | Method::Full);
+        if ends_in_the_ball {
+            assert_eq!(report.outcome, Outcome::Found, "{method}");
+        }
+    }
+    // A ball wholly inside is another matter.
+    let mut problem = case.problem();
+    problem.goal.position = Point2::new(30.0, 30.0);
+    problem.goal.tolerance = 0.5;
+    let params = PlannerParams {
+        goal: GoalMode::Ball,
+        ..PlannerParams::default()
+    };
+    let report = plan(&problem, &params, 1, &Budget::unlimited()).unwrap();
+    assert_eq!(report.reason, Reason::Disconnected);
 }

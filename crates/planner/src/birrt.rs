@@ -34,7 +34,7 @@ pub fn search(
         result.edges = vec![[query.start, query.goal]];
         return result;
     }
-    let mut doubt = Doubt::default();
+    let mut doubt = Doubt::of(query);
     // `trees[0]` is rooted at the start. `active` is the one that grows towards samples.
     let mut trees = [PointTree::new(query.start), PointTree::new(query.goal)];
     let mut active = 0;

@@ -15,6 +15,8 @@
 
 use crate::budget::Meter;
 use crate::motion::MotionChecker;
+use crate::params::GoalMode;
+use crate::search::PointQuery;
 use crate::shortest::shortest;
 use bikebot_geometry::{Point2, Vector2};
 use std::collections::VecDeque;
@@ -44,9 +46,22 @@ const QUERIES_PER_CELL: u32 = 300;
 pub(crate) struct Doubt {
     has_asked_map: bool,
     refinement: u32,
+    /// Radius of the ball about the goal in which a path may end, m; 0 where it must reach the goal.
+    ball: f64,
 }
 
 impl Doubt {
+    /// Of a search for this query.
+    pub(crate) fn of(query: &PointQuery<'_, '_>) -> Self {
+        Self {
+            ball: match query.goal_mode {
+                GoalMode::Pose => 0.0,
+                GoalMode::Ball => query.tolerance,
+            },
+            ..Self::default()
+        }
+    }
+
     /// To be called with the number of samples drawn in vain. `true` is a proof: nothing connects the two.
     pub(crate) fn proves_separation(
         &mut self,
@@ -56,6 +71,12 @@ impl Doubt {
         goal: Point2,
         meter: &mut Meter<'_>,
     ) -> bool {
+        if self.ball > 0.0 {
+            // That the ball's middle cannot be reached says nothing of the rest of it, which may lie on this side of a wall.
+            let is_due = self.refinement == 0 && samples >= PATIENCE;
+            self.refinement += u32::from(is_due);
+            return is_due && has_no_shortest_way(checker, start, goal, self.ball, meter);
+        }
         if !self.has_asked_map {
             self.has_asked_map = true;
             if are_in_separate_regions(checker, start, goal, meter) {
@@ -67,7 +88,7 @@ impl Doubt {
         }
         if self.refinement == 0
             && (are_in_separate_rooms(checker, start, goal, meter)
-                || has_no_shortest_way(checker, start, goal, meter))
+                || has_no_shortest_way(checker, start, goal, 0.0, meter))
         {
             return true;
         }
@@ -106,16 +127,17 @@ pub(crate) fn are_in_separate_rooms(
 }
 
 /// Whether the search for the exact [shortest](crate::shortest) way runs dry, which walls of any thinness make it do.
-fn has_no_shortest_way(
+pub(crate) fn has_no_shortest_way(
     checker: &MotionChecker<'_>,
     start: Point2,
     goal: Point2,
+    ball: f64,
     meter: &mut Meter<'_>,
 ) -> bool {
     let radius = checker.inscribed_radius() + checker.margin();
     let world = checker.world();
     let shortest = meter.at_most(SHORTEST_ITERATIONS, |meter| {
-        shortest(world, radius, start, goal, 0.0, None, meter)
+        shortest(world, radius, start, goal, ball, None, meter)
     });
     shortest.length == f64::INFINITY
 }

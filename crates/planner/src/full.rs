@@ -171,7 +171,10 @@ impl Full<'_, '_> {
         let [start, goal] = [self.problem.start.position, self.problem.goal.position];
         let (columns, rows) = self.problem.world.clearance_cells();
         let is_simple = columns * rows <= SIMPLE;
-        found.disconnected = connectivity::are_in_separate_regions(self.discs, start, goal, meter)
+        // That the middle of a ball cannot be reached says nothing of the rest of it.
+        let must_reach_goal = self.params.goal == GoalMode::Pose;
+        found.disconnected = (must_reach_goal
+            && connectivity::are_in_separate_regions(self.discs, start, goal, meter))
             || (is_simple && self.shortest(QUICK, found, meter, tell));
         if found.disconnected {
             return;
@@ -197,7 +200,7 @@ impl Full<'_, '_> {
             found.disconnected = self.shortest(PATIENT, found, meter, tell);
             self.polish(found, meter, tell);
         }
-        if !found.has_way && !found.disconnected {
+        if must_reach_goal && !found.has_way && !found.disconnected {
             found.disconnected =
                 connectivity::are_in_separate_rooms(self.discs, start, goal, meter)
                     || FLOODS.into_iter().any(|cells| {
@@ -412,7 +415,7 @@ impl Full<'_, '_> {
             checker: self.discs,
             start: self.problem.start.position,
             goal: self.problem.goal.position,
-            goal_mode: GoalMode::Pose,
+            goal_mode: self.params.goal,
             tolerance: self.problem.goal.tolerance,
             max_step: self.params.max_step(),
             max_samples: if has_way {

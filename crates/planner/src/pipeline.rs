@@ -16,6 +16,7 @@ use crate::baseline::{self, GridSearch, NoWay};
 use crate::birrt;
 use crate::budget::{Budget, CutShort, Meter};
 use crate::chance::{Chance, Purpose};
+use crate::connectivity;
 use crate::error::PlanError;
 use crate::full::Full;
 use crate::metrics::PathMetrics;
@@ -166,8 +167,10 @@ impl Run<'_, '_, '_> {
         let way = baseline::way(search, &self.discs, ends, self.params, &mut self.meter);
         let reference = match way {
             Ok(reference) => reference,
-            Err(NoWay::Disconnected) => return (End::Disconnected, None),
-            Err(NoWay::NotFound) => return (End::NoWay, None),
+            Err(NoWay::Disconnected) if self.is_ball_out_of_reach() => {
+                return (End::Disconnected, None);
+            }
+            Err(NoWay::Disconnected | NoWay::NotFound) => return (End::NoWay, None),
         };
         self.stages.coarse = Some(reference.clone());
         self.note_polyline(Stage::Grid, reference.vertices());
@@ -395,6 +398,20 @@ impl Run<'_, '_, '_> {
         };
         (self.observe)(&entry, None);
         self.trace.push(entry);
+    }
+
+    /// For a goal itself out of reach: whether the ball about it is so too, where anywhere in there will do.
+    fn is_ball_out_of_reach(&mut self) -> bool {
+        let (start, goal) = (&self.problem.start, &self.problem.goal);
+        let (discs, meter) = (&self.discs, &mut self.meter);
+        self.params.goal == GoalMode::Pose
+            || connectivity::has_no_shortest_way(
+                discs,
+                start.position,
+                goal.position,
+                goal.tolerance,
+                meter,
+            )
     }
 
     /// The length no path can be shorter than, as far as [`BOUND_ITERATIONS`] tell; `None` if the budget has ended. Not counted as iterations of

@@ -20,7 +20,7 @@ pub fn search(
     meter: &mut Meter<'_>,
 ) -> PointSearch {
     let mut tree = PointTree::new(query.start);
-    let mut doubt = Doubt::default();
+    let mut doubt = Doubt::of(query);
     let mut result = PointSearch::default();
     if query.is_arrival(query.start) {
         result.path = Some(vec![query.start]);

@@ -312,8 +312,11 @@ impl Question<'_> {
                         format!("jumps of up to {n} /m")
                     }),
                 ],
-                (None, Some(_)) => vec![Some("unbounded: this method joins straight legs".into())],
-                (None, None) => Vec::new(),
+                (None, Some(_)) if !report.method.is_curvature_limited() => {
+                    vec![Some("unbounded: this method joins straight legs".into())]
+                }
+                // Nothing was found, or the start is the goal.
+                (None, _) => Vec::new(),
             },
         );
         line(
