@@ -1,0 +1,58 @@
+//! The laser as it is mounted.
+
+use super::{Resolver, SetupError};
+use crate::clock::Period;
+use bikebot_dynamics::{LaserParams, LaserScanner};
+
+impl Resolver<'_> {
+    /// The laser as it is mounted: a bike without a map has nothing to look at and carries none.
+    pub(super) fn laser(
+        &mut self,
+        control: Period,
+        has_map: bool,
+    ) -> Result<LaserParams, SetupError> {
+        let laser = self.scenario.laser;
+        if !laser.enabled {
+            return Ok(laser);
+        }
+        if !has_map {
+            if self.file.is_written("laser.enabled") {
+                return self.refuse(
+                    "laser.enabled",
+                    "`laser.enabled` is true, but the scenario has no [map] to look at",
+                    "add [map], or remove it",
+                );
+            }
+            if self.file.is_written("laser") {
+                self.warnings
+                    .push("[laser] has no effect: the scenario has no [map] to look at".into());
+            }
+            return Ok(LaserParams {
+                enabled: false,
+                ..laser
+            });
+        }
+        if let Err(error) = LaserScanner::new(&laser) {
+            return self.refuse(
+                "laser",
+                format!("[laser]: {error}"),
+                "see the keys of [laser] in `bikebot schema`",
+            );
+        }
+        let divides =
+            Period::from_hertz(laser.rate).is_ok_and(|scan| scan.in_steps_of(control).is_ok());
+        if !divides {
+            return self.refuse(
+                "laser.rate_hz",
+                format!(
+                    "`laser.rate_hz` = {} does not fit the control period of {} s",
+                    laser.rate,
+                    control.seconds()
+                ),
+                "one scan has to take a whole number of control periods, such as 10, 20 or 40 Hz with 0.005 s; \
+                 or set laser.enabled = false",
+            );
+        }
+        Ok(laser)
+    }
+}

@@ -1,0 +1,44 @@
+//! The rates of a scenario: they divide one another, and a run has an end.
+
+use super::{MAX_TICKS, Resolver, SetupError};
+use crate::clock::{ClockError, Period, SimTime};
+
+impl Resolver<'_> {
+    pub(super) fn rates(&self) -> Result<(Period, Period), SetupError> {
+        let plant = &self.scenario.plant;
+        let period = |key: &str, seconds: f64| {
+            Period::from_seconds(seconds).or_else(|_| {
+                self.refuse(
+                    key,
+                    format!("`{key}` is {seconds} s, which is not a whole number of nanoseconds"),
+                    "use a value such as 0.0025",
+                )
+            })
+        };
+        let step = period("plant.step_s", plant.step_s)?;
+        let control = period("plant.control_s", plant.control_s)?;
+        if let Err(ClockError::DoesNotDivide { .. }) = control.in_steps_of(step) {
+            return self.refuse(
+                "plant.step_s",
+                format!(
+                    "`plant.step_s` = {} does not divide `plant.control_s` = {}",
+                    plant.step_s, plant.control_s
+                ),
+                "choose the step so that the control period is a whole number of steps, such as 0.0025 in 0.005",
+            );
+        }
+        let ticks = SimTime::from_seconds(self.scenario.run.duration_s).nanoseconds()
+            / control.nanoseconds();
+        if ticks > MAX_TICKS {
+            return self.refuse(
+                "run.duration_s",
+                format!(
+                    "`run.duration_s` = {} holds {ticks} control periods of {} s",
+                    self.scenario.run.duration_s, plant.control_s
+                ),
+                format!("a run has at most {MAX_TICKS}; shorten it, or control less often"),
+            );
+        }
+        Ok((step, control))
+    }
+}
