@@ -40,4 +40,26 @@ pub enum DynamicsError {
         /// Largest range, m.
         max: f64,
     },
+    /// A parameter of a Whipple bicycle that no bicycle has.
+    #[error("{what} = {value} {unit} must be {bound}: {reason}")]
+    ImpossibleBicycle {
+        /// The parameter's symbol, or what was computed of several.
+        what: String,
+        /// Its value.
+        value: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// Where it may lie.
+        bound: String,
+        /// Why it may lie nowhere else.
+        reason: String,
+    },
+    /// A speed at which a bicycle has no eigenvalues.
+    #[error(
+        "there are no eigenvalues at {speed} m/s: the speed must be finite, not negative and of human size"
+    )]
+    NoEigenvalues {
+        /// m/s.
+        speed: f64,
+    },
 }

@@ -13,6 +13,7 @@
 //! | [`actuator`] | every limit and every lag, in one place |
 //! | [`sensor`] | what the bike believes of its own state |
 //! | [`laser`] | beams cast through a world |
+//! | [`whipple`] | the linear benchmark bicycle: matrices, critical speeds, modes |
 //!
 //! SI units and radians throughout. Frames and signs are written down once, in
 //! `docs/frames.md`: roll is positive to the right, steer and yaw are positive to the left.
@@ -31,6 +32,7 @@ pub mod params;
 pub mod plant;
 pub mod sensor;
 pub mod two_link;
+pub mod whipple;
 
 pub use actuator::{Actuators, Applied, Command, Saturation};
 pub use bike::{Bike, BikeAcceleration, BikeInput, BikeState};
@@ -43,3 +45,4 @@ pub use params::{BalancerMode, BikeParams, LeanCoefficients, Lumped, ModeChangeC
 pub use plant::{Plant, State};
 pub use sensor::{Measurement, SensorParams, Sensors};
 pub use two_link::{Linearisation, TwoLink, TwoLinkInput, TwoLinkState};
+pub use whipple::{Whipple, WhippleParams};
