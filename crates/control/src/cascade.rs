@@ -4,10 +4,9 @@
 //! balancer torque:
 //!
 //! 1. where the followed point is and how it moves; its distance from the followed curve;
-//! 2. [`crate::pvfc`]: the acceleration the field wants of that point;
-//! 3. that acceleration as forward and yaw acceleration, hence drive force (with the drive
-//!    observer) and steering rate;
-//! 4. near the end, the braking law instead of the field's speed; at rest, hold;
+//! 2. [`crate::follower`]: the forward acceleration and the turning that the path follower wants;
+//! 3. the former as drive force, with the drive observer, the latter as steering rate;
+//! 4. near the end, the braking law instead of the follower's speed; at rest, hold;
 //! 5. [`crate::lean_reference`]: the lean the coming turn asks for;
 //! 6. [`crate::balance`]: the torque that keeps the body on it.
 //!
@@ -15,26 +14,26 @@
 
 use bikebot_dynamics::constants::GRAVITY;
 use bikebot_dynamics::{BalancerMode, BikeParams, Command, Measurement, Offset, TwoLinkState};
-use bikebot_geometry::{CurvePath, Point2, Vector2};
+use bikebot_geometry::{CurvePath, Point2};
 
 use crate::balance::{BalanceLaw, BalanceOutput, check_period};
 use crate::controller::{Controller, check_finite};
 use crate::error::ControlError;
 use crate::followed_path::{FollowedPath, RideLimits};
-use crate::lean_reference::{LeanReference, PlaneMotion};
+use crate::follower::{FollowStep, Follower, PlaneMotion, Turning};
+use crate::lean_reference::LeanReference;
 use crate::look_ahead::LookAhead;
-use crate::lyapunov::{AugmentedEnergy, EnergyAccount};
+use crate::lyapunov::AugmentedEnergy;
 use crate::observer::DriveObserver;
 use crate::output_zeroing::OutputReference;
 use crate::params::{BalanceParams, FollowParams};
-use crate::pvfc::Pvfc;
 use crate::roll_model::TurnMoment;
 use crate::supervisor::{Phase, ShiftConditions, Supervisor};
-use crate::velocity_field::VelocityField;
 
 /// Half the friction is kept for pushes, braking and what the model does not know.
 const FRICTION_SHARE: f64 = 0.5;
-/// How far along the curve the nearest point may move between two ticks, m.
+/// How far along the curve the nearest point may move between two ticks, m, beyond twice the way ridden:
+/// a pose that comes late makes it jump.
 const PROJECTION_REACH: f64 = 0.5;
 /// Speed at which the last centimetres are ridden, m/s, and the distance at which it is given up, m.
 const CREEP_SPEED: f64 = 0.03;
@@ -58,11 +57,11 @@ pub struct ControlOutput {
     pub mode: BalancerMode,
     /// What the bike is doing.
     pub phase: Phase,
-    /// `P`: the look-ahead point, world frame, m.
+    /// The follower's own point (`P`, the look-ahead point, of the velocity field), world frame, m.
     pub followed_point: Point2,
-    /// `P_d(s)`: where the virtual time stands on the followed curve, m.
+    /// `P_d(s)`: where on the followed curve the own point should be, m.
     pub desired_point: Point2,
-    /// `s`, m.
+    /// `s`, m: the virtual time, or the foot of the own point where the law knows none.
     pub virtual_time: f64,
     /// Speed of the followed point, m/s.
     pub followed_speed: f64,
@@ -88,8 +87,9 @@ pub struct ControlOutput {
     pub balancer_saturated: bool,
     /// `m d_hat`, N: the force along the heading that the drive observer compensates, negative uphill.
     pub drive_estimate: f64,
-    /// The energy account of the augmented system over the tick that has just ended.
-    pub energy: AugmentedEnergy,
+    /// The energy account of the augmented system over the tick that has just ended; only the velocity
+    /// field keeps one.
+    pub energy: Option<AugmentedEnergy>,
     /// Standing upright: slower than 5 mm/s, within 0.5 deg of the lean held, turning over at less
     /// than 0.05 rad/s.
     pub at_rest: bool,
@@ -101,7 +101,7 @@ struct PlaneCommand {
     acceleration: f64,
     /// Before the limits of the steering, rad/s.
     steer_rate: f64,
-    energy: AugmentedEnergy,
+    energy: Option<AugmentedEnergy>,
 }
 
 /// The whole bike's controller.
@@ -110,10 +110,8 @@ pub struct RideController {
     bike: BikeParams,
     follow: FollowParams,
     assist: Option<(f64, f64)>,
-    look_ahead: LookAhead,
     path: FollowedPath,
-    pvfc: Pvfc,
-    account: EnergyAccount,
+    follower: Follower,
     drive: DriveObserver,
     law: BalanceLaw,
     lean: LeanReference,
@@ -148,33 +146,23 @@ impl RideController {
             wheelbase: bike.wheelbase,
             steer_rate: bike.steer_rate_max,
             lateral_acceleration: FRICTION_SHARE * bike.friction * GRAVITY,
+            curvature: bike.steer_max().tan() / bike.wheelbase,
         };
-        let path = FollowedPath::new(path, follow, &limits)?;
+        let ahead = Follower::own_distance(follow, bike);
+        let path = FollowedPath::new(path, follow, &limits, ahead)?;
         let law = BalanceLaw::new(bike, balance, bike.offset(mode))?;
-        let look_ahead = LookAhead {
-            distance: follow.look_ahead,
-            wheelbase: bike.wheelbase,
-            speed_floor: follow.steering_speed_floor,
-        };
-        let (point, point_rate) = (look_ahead.point(start), look_ahead.velocity(start));
-        let projection = path.project(point, follow.look_ahead, 2.0 * follow.look_ahead);
-        let along = path.sample(projection.s).heading;
-        let field = VelocityField::new(follow, path.speed_max());
-        let virtual_rate = point_rate
-            .dot(&Vector2::new(along.cos(), along.sin()))
-            .max(0.0);
-        let pvfc = Pvfc::new(follow, field, projection.s, virtual_rate, point_rate);
-        let lean = LeanReference::new(balance, law.model(), follow.look_ahead, 0.0);
+        let own = start.pose.position + start.pose.direction() * ahead;
+        let projection = path.project(own, ahead, 2.0 * ahead.max(PROJECTION_REACH));
+        let follower = Follower::new(follow, bike, &path, start, &projection);
+        let lean = LeanReference::new(balance, law.model(), 0.0, control_period);
         Ok(Self {
             bike: *bike,
             follow: follow.clone(),
             assist: balance
                 .steering_assist
                 .then_some((balance.assist_gain, balance.assist_dead_zone)),
-            look_ahead,
             path,
-            pvfc,
-            account: EnergyAccount::default(),
+            follower,
             drive: DriveObserver::new(follow.drive_observer_rate),
             law,
             lean,
@@ -186,7 +174,13 @@ impl RideController {
         })
     }
 
-    /// The curve the look-ahead point follows, with its speed profile.
+    /// The point of the bike that is kept on the followed curve.
+    #[must_use]
+    pub fn own_point(&self) -> &LookAhead {
+        self.follower.own_point()
+    }
+
+    /// The curve the own point follows, with its speed profile.
     #[must_use]
     pub fn followed_path(&self) -> &FollowedPath {
         &self.path
@@ -223,10 +217,12 @@ impl RideController {
         let dt = self.period;
         let (sin, cos) = m.steer.sin_cos();
         let (tan, cos2) = (sin / cos, cos * cos);
-        let yaw_rate = self.look_ahead.yaw_rate(m);
-        let (point, point_rate) = (self.look_ahead.point(m), self.look_ahead.velocity(m));
+        let own = *self.follower.own_point();
+        let yaw_rate = own.yaw_rate(m);
+        let (point, point_rate) = (own.point(m), own.velocity(m));
 
-        let projection = self.path.project(point, self.arc_length, PROJECTION_REACH);
+        let reach = PROJECTION_REACH + 2.0 * m.speed.abs() * dt;
+        let projection = self.path.project(point, self.arc_length, reach);
         self.arc_length = projection.s;
         let remaining = self.path.remaining(m.pose.position, projection.s);
         self.advance_phase(m.speed, remaining);
@@ -238,10 +234,11 @@ impl RideController {
                     self.follow.drive_acceleration,
                 ),
                 steer_rate: 0.0,
-                energy: self.account.rest(),
+                energy: self.follower.rest(),
             }
         } else {
-            self.follow_path(m, point, point_rate, remaining)
+            let step = self.follower.step(&self.path, m, &projection, dt);
+            self.plane_command(m, &step, remaining)
         };
 
         let mass = self.bike.mass();
@@ -274,8 +271,8 @@ impl RideController {
             mode: self.supervisor.mode(),
             phase: self.phase,
             followed_point: point,
-            desired_point: self.path.sample(self.pvfc.virtual_time()).position,
-            virtual_time: self.pvfc.virtual_time(),
+            desired_point: self.path.sample(self.follower.virtual_time()).position,
+            virtual_time: self.follower.virtual_time(),
             followed_speed: point_rate.norm(),
             arc_length: projection.s,
             lateral_error: projection.lateral,
@@ -315,19 +312,9 @@ impl RideController {
         }
     }
 
-    /// Steps 2 to 4: the field's acceleration as forward acceleration and steering rate.
-    fn follow_path(
-        &mut self,
-        m: &Measurement,
-        point: Point2,
-        point_rate: Vector2,
-        remaining: f64,
-    ) -> PlaneCommand {
+    /// Steps 3 and 4: what the follower wants as forward acceleration and steering rate.
+    fn plane_command(&self, m: &Measurement, step: &FollowStep, remaining: f64) -> PlaneCommand {
         let f = &self.follow;
-        let step = self.pvfc.step(&self.path, point, point_rate, self.period);
-        let energy = self
-            .account
-            .enter(&step, point_rate, f.point_mass, self.period);
         let (acceleration, steering_share) = if self.phase == Phase::Brake {
             // Standing still, no steering angle moves the point sideways: let it fade out.
             (
@@ -335,20 +322,19 @@ impl RideController {
                 (m.speed / f.steering_speed_floor).clamp(0.0, 1.0),
             )
         } else {
-            (
-                self.look_ahead.forward_acceleration(m, step.acceleration),
-                1.0,
-            )
+            (step.acceleration, 1.0)
         };
         let acceleration = acceleration.clamp(-f.drive_deceleration, f.drive_acceleration);
-        let yaw_acceleration = self.look_ahead.yaw_acceleration(m, step.acceleration);
+        let steer_rate = match step.turning {
+            Turning::YawAcceleration(yaw) => {
+                self.follower.own_point().steer_rate(m, acceleration, yaw)
+            }
+            Turning::SteerRate(rate) => rate,
+        };
         PlaneCommand {
             acceleration,
-            steer_rate: steering_share
-                * self
-                    .look_ahead
-                    .steer_rate(m, acceleration, yaw_acceleration),
-            energy,
+            steer_rate: steering_share * steer_rate,
+            energy: step.energy,
         }
     }
 
@@ -389,17 +375,15 @@ impl RideController {
             return self.lean.tick(0.0, self.period);
         }
         let motion = PlaneMotion {
-            pose: m.pose,
-            speed: m.speed,
+            measured: *m,
             yaw_rate: turn.yaw_rate,
             yaw_acceleration: turn.yaw_acceleration,
         };
-        self.lean.look(
-            self.law.model(),
-            &self.path,
-            &motion,
-            self.pvfc.virtual_time(),
-        );
+        let (follower, path) = (&self.follower, &self.path);
+        self.lean
+            .look(self.law.model(), turn, |step, steps, visit| {
+                follower.roll_out(path, &motion, step, steps, visit);
+            });
         let equilibrium = self
             .law
             .model()

@@ -1,23 +1,37 @@
-//! The curve that the look-ahead point is to follow, tabulated by arc length.
+//! The curve that a follower's own point is to follow, tabulated by arc length.
 //!
-//! A planned path may jump in curvature at its joints; the steering can only ramp. With
-//! [`Track::RearContact`] the plan is averaged along its arc length, so a jump becomes a ramp
-//! over the smoothing window, and the followed curve is the trace of the look-ahead point while
-//! the rear contact rides the averaged plan. The speed profile then knows the steering rate each
-//! place needs. With [`Track::LookAheadPoint`] the plan itself, continued straight by the
-//! look-ahead, is the followed curve.
+//! With [`Track::RearContact`] it is the trace of the own point, `ell` ahead, while the rear contact
+//! rides the planned path `r`:
+//!
+//! ```text
+//! P_d(s) = r(s) + ell t(s),     |P_d'| = sqrt(1 + ell^2 kappa^2),
+//! heading = theta + atan(ell kappa),
+//! kappa_d = (kappa + ell kappa'/(1 + ell^2 kappa^2)) / sqrt(1 + ell^2 kappa^2).
+//! ```
+//!
+//! This is exact wherever the curvature of the plan is continuous. Where it jumps, or turns more
+//! quickly or tightly than the steering can, the plan is first averaged along its arc length, so
+//! that a jump becomes a ramp over the smoothing window; the average fades out away from the jump. The speed
+//! profile then knows the steering rate each place needs.
+//!
+//! With [`Track::LookAheadPoint`] the plan itself, continued straight by `ell`, is the followed curve.
 
-use bikebot_geometry::{CurvePath, Point2, Pose2, Vector2, angle};
+use bikebot_geometry::{CurvePath, FergusonCurve, ParametricCurve, Point2, Pose2, Vector2, angle};
 
 use crate::error::ControlError;
 use crate::params::{FollowParams, Track};
 use crate::profile::{corner_speed, moving_average, speed_profile};
+use crate::ramps::{blend, ramp_weights};
 
 /// Spacing of the table, m; the last sample lies on the end, so it varies by half of one per cent.
 const SPACING: f64 = 0.01;
 /// A second, short average that rounds the ramps the first one makes of curvature jumps, as a
 /// share of the smoothing window; the steering lag needs about this much distance.
 const ROUNDING_SHARE: f64 = 1.0 / 3.0;
+
+/// Over how much way beyond a jump the average fades out, in smoothing windows: slowly enough that moving
+/// back from the averaged path to the plan bends it by little.
+const FADING: f64 = 2.0;
 
 /// What the bike imposes on the profile.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +42,8 @@ pub struct RideLimits {
     pub steer_rate: f64,
     /// Greatest lateral acceleration that tyres and balance allow, m/s^2.
     pub lateral_acceleration: f64,
+    /// Greatest curvature that the steering stops allow, 1/m.
+    pub curvature: f64,
 }
 
 /// The followed curve at one arc length.
@@ -72,7 +88,7 @@ impl FollowedPath {
     /// gigabyte.
     pub const MAX_LENGTH: f64 = 20_000.0;
 
-    /// Tabulates the curve that makes the rear contact ride `path`.
+    /// Tabulates the curve for an own point `ahead` m in front of the rear contact that is to ride `path`.
     ///
     /// # Errors
     ///
@@ -83,6 +99,7 @@ impl FollowedPath {
         path: &CurvePath,
         params: &FollowParams,
         limits: &RideLimits,
+        ahead: f64,
     ) -> Result<Self, ControlError> {
         let length = path.length();
         if !(length >= Self::MIN_LENGTH && length.is_finite()) {
@@ -99,8 +116,8 @@ impl FollowedPath {
         }
         let lateral = params.lateral_acceleration.min(limits.lateral_acceleration);
         let curve = match params.track {
-            Track::LookAheadPoint => look_ahead_curve(path, params, lateral),
-            Track::RearContact => rear_curve(path, params, limits, lateral)?,
+            Track::LookAheadPoint => own_point_curve(path, params, limits, ahead, lateral),
+            Track::RearContact => rear_curve(path, params, limits, ahead, lateral)?,
         };
         let Curve {
             positions,
@@ -273,6 +290,26 @@ impl FollowedPath {
             lateral: side - 0.5 * sample.curvature * along * along,
         }
     }
+
+    /// The foot of a point that was near arc length `near` a moment ago, by two Newton steps: cheaper
+    /// than [`Self::project`], and equal to it as long as the guess is good.
+    #[must_use]
+    pub fn project_near(&self, point: Point2, near: f64) -> Projection {
+        /// The foot is not looked for beyond this share of the way to the centre of curvature.
+        const WITHIN: f64 = 0.2;
+        let mut s = near;
+        let mut lateral = 0.0;
+        for _ in 0..2 {
+            let sample = self.sample(s);
+            let (sin, cos) = sample.heading.sin_cos();
+            let offset = point - sample.position;
+            let along = offset.x * cos + offset.y * sin;
+            let side = offset.y * cos - offset.x * sin;
+            s += along / (1.0 - sample.curvature * side).max(WITHIN);
+            lateral = side - 0.5 * sample.curvature * along * along;
+        }
+        Projection { s, lateral }
+    }
 }
 
 /// The table before the profile.
@@ -309,6 +346,31 @@ fn extended(path: &CurvePath, s: f64) -> (Point2, f64, f64) {
     )
 }
 
+/// As [`extended`], but beyond the end on along the circle of the end's curvature, so that an average
+/// over the end does not turn its heading.
+fn extended_by_arc(path: &CurvePath, s: f64, tightest: f64) -> (Point2, f64, f64) {
+    let beyond = s - path.length();
+    let end = path.at(path.length());
+    // A cusp has no circle.
+    if beyond <= 0.0 || end.curvature.abs() > tightest || end.curvature.is_nan() {
+        return extended(path, s);
+    }
+    let turn = end.curvature * beyond;
+    let half = 0.5 * turn;
+    // sin(x)/x, whose series is exact to rounding here.
+    let shortening = if half.abs() < 1e-4 {
+        1.0 - half * half / 6.0
+    } else {
+        half.sin() / half
+    };
+    let (sin, cos) = (end.heading + half).sin_cos();
+    (
+        end.position + Vector2::new(cos, sin) * (beyond * shortening),
+        end.heading + turn,
+        end.curvature,
+    )
+}
+
 /// Adds whole turns so that no heading differs from the one before by more than half a turn.
 fn unwrap_headings(headings: &mut [f64]) {
     for i in 1..headings.len() {
@@ -316,13 +378,47 @@ fn unwrap_headings(headings: &mut [f64]) {
     }
 }
 
+/// What of the plan the steering cannot ride as it stands.
+fn unrideable(
+    planned: &[(Point2, f64, f64)],
+    h: f64,
+    params: &FollowParams,
+    limits: &RideLimits,
+) -> Vec<bool> {
+    /// A heading that jumps by more than this between two samples is a kink, rad.
+    const KINK: f64 = 2e-3;
+    let steepest =
+        params.steer_rate_share * limits.steer_rate / (limits.wheelbase * params.end_speed);
+    let mut marked = vec![false; planned.len()];
+    for i in 1..planned.len() {
+        let ((_, from, a), (_, to, b)) = (planned[i - 1], planned[i]);
+        let curvature = 0.5 * (a + b);
+        let stretch = 1.0 + (limits.wheelbase * curvature).powi(2);
+        // Negated, so that a curvature that is not finite counts as one that cannot be ridden.
+        let smooth = (b - a).abs() <= steepest * stretch * h
+            && (angle::difference(to, from) - curvature * h).abs() <= KINK
+            && b.abs() <= limits.curvature;
+        marked[i] = !smooth;
+    }
+    marked
+}
+
 /// The plan itself with its straight run-out.
-fn look_ahead_curve(path: &CurvePath, params: &FollowParams, lateral: f64) -> Curve {
-    let (n, step) = divide(path.length() + params.look_ahead);
+fn own_point_curve(
+    path: &CurvePath,
+    params: &FollowParams,
+    limits: &RideLimits,
+    ahead: f64,
+    lateral: f64,
+) -> Curve {
+    let (n, step) = divide(path.length() + ahead);
     let samples: Vec<_> = (0..=n).map(|i| extended(path, i as f64 * step)).collect();
     let mut headings: Vec<f64> = samples.iter().map(|p| p.1).collect();
     unwrap_headings(&mut headings);
     let curvatures: Vec<f64> = samples.iter().map(|p| p.2).collect();
+    let window = odd_count(params.curvature_window, step);
+    // A plan that can be ridden as it stands is fed forward as it is.
+    let stands = !unrideable(&samples, step, params, limits).contains(&true);
     Curve {
         positions: samples.iter().map(|p| p.0).collect(),
         headings,
@@ -330,16 +426,21 @@ fn look_ahead_curve(path: &CurvePath, params: &FollowParams, lateral: f64) -> Cu
             .iter()
             .map(|k| corner_speed(*k, lateral, params.max_speed))
             .collect(),
-        curvatures: moving_average(&curvatures, odd_count(params.curvature_window, step)),
+        curvatures: if stands {
+            curvatures
+        } else {
+            moving_average(&curvatures, window)
+        },
         step,
     }
 }
 
-/// The trace of the look-ahead point while the rear contact rides the averaged plan.
+/// The trace of the own point while the rear contact rides the plan, averaged where it jumps.
 fn rear_curve(
     path: &CurvePath,
     params: &FollowParams,
     limits: &RideLimits,
+    ahead: f64,
     lateral: f64,
 ) -> Result<Curve, ControlError> {
     let (n, h) = divide(path.length());
@@ -347,100 +448,189 @@ fn rear_curve(
     let narrow = odd_count(params.smoothing_window * ROUNDING_SHARE, h);
     let pad = (wide + narrow) / 2 + 2;
     let planned: Vec<_> = (0..n + 2 * pad + 1)
-        .map(|i| extended(path, (i as f64 - pad as f64) * h))
+        .map(|i| extended_by_arc(path, (i as f64 - pad as f64) * h, limits.curvature))
         .collect();
+    let marked = unrideable(&planned, h, params, limits);
+    let fading = (FADING * params.smoothing_window / h) as usize;
+    let weights = ramp_weights(&marked, (wide + narrow) / 2 + 1, fading);
     let smooth = |of: fn(&(Point2, f64, f64)) -> f64| {
         let raw: Vec<f64> = planned.iter().map(of).collect();
-        moving_average(&moving_average(&raw, wide), narrow)
+        blend(
+            &raw,
+            &moving_average(&moving_average(&raw, wide), narrow),
+            &weights,
+        )
     };
     let (xs, ys) = (smooth(|p| p.0.x), smooth(|p| p.0.y));
-    let smoothed_curvature = smooth(|p| p.2);
+    let rear = RearPath::new(&planned, &xs, &ys, &weights, h).map_err(|i| {
+        ControlError::PathDegenerate {
+            arc_length: i.saturating_sub(pad) as f64 * h,
+        }
+    })?;
 
-    // Look-ahead point and the greatest speed there, for each place of the rear contact.
-    let mut trace = Vec::with_capacity(n + 1);
-    for i in pad..=pad + n {
-        let chord = Vector2::new(xs[i + 1] - xs[i - 1], ys[i + 1] - ys[i - 1]);
-        let length = chord.norm();
-        if length.is_nan() || length <= 0.1 * h {
-            return Err(ControlError::PathDegenerate {
-                arc_length: (i - pad) as f64 * h,
+    // Own point and the greatest speed there, for each place of the rear contact.
+    let trace: Vec<TraceSample> = (pad..=pad + n)
+        .map(|i| {
+            let (heading, curvature) = (rear.headings[i], rear.curvatures[i]);
+            let (sin, cos) = heading.sin_cos();
+            let slope = (rear.curvatures[i + 1] - rear.curvatures[i - 1]) / (2.0 * h);
+            let steer = limits.wheelbase * curvature;
+            let steer_slope = limits.wheelbase * slope.abs() / (1.0 + steer * steer);
+            let stretch = (1.0 + (ahead * curvature).powi(2)).sqrt();
+            let steering =
+                stretch * params.steer_rate_share * limits.steer_rate / steer_slope.max(1e-9);
+            let planned_curvature = planned[i].2.abs().max(curvature.abs());
+            TraceSample {
+                position: Point2::new(xs[i], ys[i]) + Vector2::new(cos, sin) * ahead,
+                heading: heading + (ahead * curvature).atan(),
+                speed_limit: corner_speed(planned_curvature, lateral, params.max_speed)
+                    .min(steering),
+            }
+        })
+        .collect();
+    Ok(evenly_spaced(&trace))
+}
+
+/// The path of the rear contact, with what its differences say.
+struct RearPath {
+    /// Not wrapped, rad.
+    headings: Vec<f64>,
+    /// 1/m.
+    curvatures: Vec<f64>,
+}
+
+impl RearPath {
+    /// Where nothing was averaged, the plan's own heading and curvature stand. The error is the sample at
+    /// which the path has no direction.
+    fn new(
+        planned: &[(Point2, f64, f64)],
+        xs: &[f64],
+        ys: &[f64],
+        weights: &[f64],
+        h: f64,
+    ) -> Result<Self, usize> {
+        let last = planned.len() - 1;
+        let around = |i: usize| (i.saturating_sub(1), (i + 1).min(last));
+        let averaged = |i: usize| {
+            let (before, after) = around(i);
+            weights[before] > 0.0 || weights[i] > 0.0 || weights[after] > 0.0
+        };
+        let mut headings = Vec::with_capacity(planned.len());
+        let mut lengths = Vec::with_capacity(planned.len());
+        for (i, plan) in planned.iter().enumerate() {
+            let (before, after) = around(i);
+            let chord = Vector2::new(xs[after] - xs[before], ys[after] - ys[before]);
+            let length = chord.norm();
+            if length.is_nan() || length <= 0.1 * h {
+                return Err(i);
+            }
+            lengths.push(length);
+            headings.push(if averaged(i) {
+                chord.y.atan2(chord.x)
+            } else {
+                plan.1
             });
         }
-        let position = Point2::new(xs[i], ys[i]) + chord * (params.look_ahead / length);
-        let curvature = smoothed_curvature[i];
-        let slope = (smoothed_curvature[i + 1] - smoothed_curvature[i - 1]) / (2.0 * h);
-        let steer = limits.wheelbase * curvature;
-        let steer_slope = limits.wheelbase * slope.abs() / (1.0 + steer * steer);
-        let stretch = (1.0 + (params.look_ahead * curvature).powi(2)).sqrt();
-        let steering =
-            stretch * params.steer_rate_share * limits.steer_rate / steer_slope.max(1e-9);
-        let planned_curvature = planned[i].2.abs().max(curvature.abs());
-        trace.push((
-            position,
-            corner_speed(planned_curvature, lateral, params.max_speed).min(steering),
-        ));
+        unwrap_headings(&mut headings);
+        let curvatures = planned
+            .iter()
+            .enumerate()
+            .map(|(i, plan)| {
+                let (before, after) = around(i);
+                if averaged(i) {
+                    (headings[after] - headings[before]) / lengths[i]
+                } else {
+                    plan.2
+                }
+            })
+            .collect();
+        Ok(Self {
+            headings,
+            curvatures,
+        })
     }
+}
 
-    // The trace again, equally spaced along itself.
+/// The own point while the rear contact is at one place.
+struct TraceSample {
+    position: Point2,
+    heading: f64,
+    speed_limit: f64,
+}
+
+/// The trace again, equally spaced along itself.
+fn evenly_spaced(trace: &[TraceSample]) -> Curve {
+    let last = trace.len() - 1;
     let mut arc = vec![0.0];
     for pair in trace.windows(2) {
-        arc.push(arc[arc.len() - 1] + (pair[1].0 - pair[0].0).norm());
+        // A chord is shorter than its arc by the square of the turn over 24.
+        let turn = pair[1].heading - pair[0].heading;
+        let chord = (pair[1].position - pair[0].position).norm();
+        arc.push(arc[arc.len() - 1] + chord * (1.0 + turn * turn / 24.0));
     }
-    let total = arc[arc.len() - 1];
+    let bend: Vec<f64> = (0..=last)
+        .map(|i| {
+            let (before, after) = (i.saturating_sub(1), (i + 1).min(last));
+            let way = arc[after] - arc[before];
+            if way > 0.0 {
+                (trace[after].heading - trace[before].heading) / way
+            } else {
+                0.0
+            }
+        })
+        .collect();
+    let total = arc[last];
     let (count, step) = divide(total);
+    let mut curve = Curve {
+        positions: Vec::with_capacity(count + 1),
+        headings: Vec::with_capacity(count + 1),
+        curvatures: Vec::with_capacity(count + 1),
+        speed_limits: Vec::with_capacity(count + 1),
+        step,
+    };
     let mut k = 0;
-    let mut positions = Vec::with_capacity(count + 1);
-    let mut speed_limits = Vec::with_capacity(count + 1);
     for i in 0..=count {
         let s = (i as f64 * step).min(total);
         while k + 2 < arc.len() && arc[k + 1] < s {
             k += 1;
         }
+        let (a, b) = (&trace[k], &trace[k + 1]);
         let span = arc[k + 1] - arc[k];
         let t = if span > 0.0 {
             ((s - arc[k]) / span).clamp(0.0, 1.0)
         } else {
             0.0
         };
-        let (a, b) = (&trace[k], &trace[k + 1]);
-        positions.push(a.0 + (b.0 - a.0) * t);
-        speed_limits.push(a.1.min(b.1));
+        let mix = |from: f64, to: f64| from + t * (to - from);
+        curve.positions.push(between(a, b, span, t));
+        curve.headings.push(mix(a.heading, b.heading));
+        curve.curvatures.push(mix(bend[k], bend[k + 1]));
+        curve.speed_limits.push(a.speed_limit.min(b.speed_limit));
     }
-    let at = |i: usize| positions[i];
-    let mut headings: Vec<f64> = (0..=count)
-        .map(|i| {
-            let d = at((i + 1).min(count)) - at(i.saturating_sub(1));
-            d.y.atan2(d.x)
-        })
-        .collect();
-    unwrap_headings(&mut headings);
-    let curvatures: Vec<f64> = (0..=count)
-        .map(|i| {
-            let (before, after) = (i.saturating_sub(1), (i + 1).min(count));
-            (headings[after] - headings[before]) / (step * (after - before) as f64)
-        })
-        .collect();
-    // The differences above amplify the rounding of the table; three samples are enough to hide it.
-    let curvatures = moving_average(&curvatures, 3);
-    Ok(Curve {
-        positions,
-        headings,
-        curvatures,
-        speed_limits,
-        step,
-    })
+    curve
+}
+
+/// The point a share `t` of the way between two samples `span` m apart, on the Ferguson curve that has their
+/// headings: a straight line would leave kinks of a milliradian, which feed-forward would steer after.
+fn between(a: &TraceSample, b: &TraceSample, span: f64, t: f64) -> Point2 {
+    let tangent = |sample: &TraceSample| {
+        let (sin, cos) = sample.heading.sin_cos();
+        Vector2::new(cos, sin) * span
+    };
+    FergusonCurve::from_ends(a.position, tangent(a), b.position, tangent(b)).point(t)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bikebot_geometry::FergusonCurve;
 
     const LIMITS: RideLimits = RideLimits {
         wheelbase: 1.12,
         steer_rate: 2.0,
         lateral_acceleration: 3.0,
+        curvature: 0.9,
     };
+    const AHEAD: f64 = 0.5;
 
     /// A straight, a left bend of about 0.7 1/m and a straight: curvature jumps at both joints.
     fn bend() -> CurvePath {
@@ -464,7 +654,7 @@ mod tests {
         )])
         .unwrap();
         assert!(matches!(
-            FollowedPath::new(&path, &FollowParams::default(), &LIMITS),
+            FollowedPath::new(&path, &FollowParams::default(), &LIMITS, AHEAD),
             Err(ControlError::PathTooShort { .. })
         ));
     }
@@ -481,7 +671,7 @@ mod tests {
                 track,
                 ..FollowParams::default()
             };
-            let followed = FollowedPath::new(&path, &params, &LIMITS).unwrap();
+            let followed = FollowedPath::new(&path, &params, &LIMITS, AHEAD).unwrap();
             let end = followed.sample(followed.length()).position;
             // Sums of 500 steps.
             assert!((end - Point2::new(5.5, 0.0)).norm() < 1e-9);
@@ -498,7 +688,7 @@ mod tests {
     fn a_rear_contact_that_trails_the_curve_stays_on_the_plan() {
         let path = bend();
         let params = FollowParams::default();
-        let followed = FollowedPath::new(&path, &params, &LIMITS).unwrap();
+        let followed = FollowedPath::new(&path, &params, &LIMITS, AHEAD).unwrap();
         // Drag a rod of the look-ahead's length along the curve: its tail is the rear contact.
         let (mut heading, mut worst, mut steepest) = (0.0f64, 0.0f64, 0.0f64);
         let (step, mut before) = (0.001, 0.0);
@@ -524,7 +714,8 @@ mod tests {
 
     #[test]
     fn the_riding_speed_ends_at_standstill_and_never_exceeds_the_profile() {
-        let followed = FollowedPath::new(&bend(), &FollowParams::default(), &LIMITS).unwrap();
+        let followed =
+            FollowedPath::new(&bend(), &FollowParams::default(), &LIMITS, AHEAD).unwrap();
         let length = followed.length();
         assert_eq!(followed.riding_sample(length).speed, 0.0);
         assert_eq!(followed.riding_sample(length + 1.0).speed, 0.0);
@@ -538,7 +729,8 @@ mod tests {
 
     #[test]
     fn straight_on_beyond_both_ends() {
-        let followed = FollowedPath::new(&bend(), &FollowParams::default(), &LIMITS).unwrap();
+        let followed =
+            FollowedPath::new(&bend(), &FollowParams::default(), &LIMITS, AHEAD).unwrap();
         let end = followed.sample(followed.length());
         let beyond = followed.sample(followed.length() + 2.0);
         let gone = beyond.position - end.position;

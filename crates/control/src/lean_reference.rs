@@ -10,32 +10,19 @@
 //! alpha_ref' = lambda (xi_ref - alpha_ref).
 //! ```
 //!
-//! `alpha_eq(t + s)` comes from rolling the kinematics of the followed point along the curve.
+//! Between two previews `xi_ref' = lambda (xi_ref - alpha_eq)` carries it on, which is what the integral does
+//! in a future that comes as foreseen. What the next preview says beyond that is a surprise (a late pose, a
+//! start beside the path) and enters over a settling time.
+//!
+//! `alpha_eq(t + s)` comes from the path follower, which rolls out its own closed loop
+//! ([`crate::follower::Follower::roll_out`]).
 
-use bikebot_geometry::Pose2;
-
-use crate::followed_path::FollowedPath;
 use crate::output_zeroing::OutputReference;
 use crate::params::BalanceParams;
-use crate::roll_model::RollModel;
+use crate::roll_model::{RollModel, TurnMoment};
 
-/// Speeds blend from the present one to the profile over this many steps.
-const BLEND_STEPS: usize = 8;
-/// Least speed at which a yaw-rate mismatch decays, m/s.
-const MISMATCH_SPEED: f64 = 0.3;
-
-/// The plane motion of the bike as the preview starts from it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlaneMotion {
-    /// Pose of the rear contact.
-    pub pose: Pose2,
-    /// `v`, m/s.
-    pub speed: f64,
-    /// `omega`, rad/s.
-    pub yaw_rate: f64,
-    /// `omega'`, rad/s^2.
-    pub yaw_acceleration: f64,
-}
+/// No turn asks for more lean than this, rad: tyres slip before.
+const LEAN_MAX: f64 = 0.7;
 
 /// Preview and filter of the lean reference.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,25 +32,32 @@ pub struct LeanReference {
     /// `exp(-lambda i h) (1 - exp(-lambda h))`.
     weights: Vec<f64>,
     rate: f64,
-    look_ahead: f64,
     period: u32,
     ticks: u32,
+    /// Share of a surprise that one preview lets in.
+    share: f64,
     divergent: f64,
     lean: f64,
 }
 
 impl LeanReference {
-    /// Starts at the present lean `lean`, rad, so that switching on makes no step.
+    /// Starts at the present lean `lean`, rad, so that switching on makes no step; called every
+    /// `control_period` s.
     #[must_use]
-    pub fn new(params: &BalanceParams, model: &RollModel, look_ahead: f64, lean: f64) -> Self {
+    pub fn new(params: &BalanceParams, model: &RollModel, lean: f64, control_period: f64) -> Self {
         let mut reference = Self {
             enabled: params.preview,
             step: params.preview_step,
             weights: vec![0.0; params.preview_steps.max(1) as usize],
             rate: 0.0,
-            look_ahead,
             period: params.preview_ticks.max(1),
             ticks: 0,
+            share: if params.preview_settling > 0.0 {
+                let time = control_period * f64::from(params.preview_ticks.max(1));
+                1.0 - (-time / params.preview_settling).exp()
+            } else {
+                1.0
+            },
             divergent: lean,
             lean,
         };
@@ -98,15 +92,34 @@ impl LeanReference {
         self.lean
     }
 
-    /// Looks ahead on every `preview_ticks`-th call, from virtual time `s`, m.
-    pub fn look(&mut self, model: &RollModel, path: &FollowedPath, motion: &PlaneMotion, s: f64) {
+    /// Looks ahead on every `preview_ticks`-th call. `roll_out` is given step, s, and number of steps, and tells
+    /// the centripetal acceleration, m/s^2, and the yaw acceleration, rad/s^2, of each of them; `turn` is the
+    /// present one.
+    pub fn look(
+        &mut self,
+        model: &RollModel,
+        turn: &TurnMoment,
+        roll_out: impl FnOnce(f64, usize, &mut dyn FnMut(f64, f64)),
+    ) {
         if !self.enabled {
             // Nothing is known of the coming yaw acceleration, and the present one is over too soon to lean for.
-            self.divergent = model.equilibrium_lean(motion.speed * motion.yaw_rate, 0.0);
+            self.divergent = model.equilibrium_lean(turn.centripetal, 0.0);
             return;
         }
         if self.ticks == 0 {
-            self.divergent = self.preview(model, path, motion, s);
+            let mut weights = self.weights.iter();
+            let mut xi = 0.0;
+            roll_out(self.step, self.weights.len(), &mut |centripetal, yaw| {
+                if let Some(weight) = weights.next() {
+                    let lean = model.equilibrium_lean(centripetal, yaw);
+                    // A roll-out that leaves the numbers foresees nothing.
+                    if lean.is_finite() {
+                        xi += weight * lean.clamp(-LEAN_MAX, LEAN_MAX);
+                    }
+                }
+            });
+            let surprise = xi - self.divergent;
+            self.divergent += self.share * surprise;
         }
         self.ticks = (self.ticks + 1) % self.period;
     }
@@ -126,86 +139,75 @@ impl LeanReference {
             derivatives: [p1, p2, l2 * p1, l2 * p2],
         };
         self.lean += p1 * dt;
-        reference
-    }
-
-    fn preview(&self, model: &RollModel, path: &FollowedPath, motion: &PlaneMotion, s: f64) -> f64 {
-        let (h, ell) = (self.step, self.look_ahead);
-        let mut heading = motion.pose.heading;
-        let mut place = s;
-        let present = motion.speed.hypot(ell * motion.yaw_rate);
-        let mut before = motion.yaw_rate;
-        let mut mismatch = 0.0;
-        let mut xi = 0.0;
-        for (i, weight) in self.weights.iter().enumerate() {
-            let sample = path.riding_sample(place);
-            let speed = if i > BLEND_STEPS {
-                sample.speed
-            } else {
-                present + (sample.speed - present) * i as f64 / BLEND_STEPS as f64
-            };
-            let (sin, cos) = (sample.heading - heading).sin_cos();
-            let mut yaw_rate = speed * sin / ell;
-            if i == 0 {
-                mismatch = motion.yaw_rate - yaw_rate;
-            }
-            yaw_rate += mismatch * (-(i as f64) * h * speed.max(MISMATCH_SPEED) / ell).exp();
-            let yaw_acceleration = if i == 0 {
-                motion.yaw_acceleration
-            } else {
-                (yaw_rate - before) / h
-            };
-            before = yaw_rate;
-            xi += weight * model.equilibrium_lean(speed * cos * yaw_rate, yaw_acceleration);
-            heading += yaw_rate * h;
-            place += speed * h;
+        if self.enabled {
+            self.divergent += self.rate * (self.divergent - equilibrium) * dt;
         }
-        xi
+        reference
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::followed_path::RideLimits;
-    use crate::params::{FollowParams, Track};
     use bikebot_dynamics::BikeParams;
-    use bikebot_geometry::{CurvePath, FergusonCurve, Point2};
 
     fn reference(params: &BalanceParams) -> (LeanReference, RollModel) {
         let model = RollModel::new(&BikeParams::default(), 0.0);
-        (LeanReference::new(params, &model, 0.5, 0.0), model)
+        (LeanReference::new(params, &model, 0.0, 0.005), model)
     }
 
-    fn straight() -> FollowedPath {
-        let path = CurvePath::new(vec![FergusonCurve::straight(
-            Point2::origin(),
-            Point2::new(50.0, 0.0),
-        )])
-        .unwrap();
-        let limits = RideLimits {
-            wheelbase: 1.12,
-            steer_rate: 2.0,
-            lateral_acceleration: 3.0,
-        };
-        let params = FollowParams {
-            track: Track::LookAheadPoint,
-            ..FollowParams::default()
-        };
-        FollowedPath::new(&path, &params, &limits).unwrap()
+    /// A future in which every step turns alike.
+    fn steady(centripetal: f64, yaw: f64) -> impl FnOnce(f64, usize, &mut dyn FnMut(f64, f64)) {
+        move |_, steps, visit| (0..steps).for_each(|_| visit(centripetal, yaw))
     }
 
     #[test]
-    fn a_straight_asks_for_no_lean() {
+    fn a_straight_asks_for_no_lean_and_a_lasting_turn_for_its_own() {
         let (mut lean, model) = reference(&BalanceParams::default());
-        let motion = PlaneMotion {
-            pose: Pose2::new(10.0, 0.0, 0.0),
-            speed: 1.5,
-            yaw_rate: 0.0,
-            yaw_acceleration: 0.0,
-        };
-        lean.look(&model, &straight(), &motion, 10.5);
-        assert!(lean.divergent().abs() < 1e-12);
+        lean.look(&model, &TurnMoment::default(), steady(0.0, 0.0));
+        assert_eq!(lean.divergent(), 0.0);
+        let (mut lean, model) = reference(&BalanceParams {
+            preview_steps: 400,
+            ..BalanceParams::default()
+        });
+        let turn = model.equilibrium_lean(0.7, 0.0);
+        // It comes as a surprise, and a surprise enters over the settling time.
+        lean.look(&model, &TurnMoment::default(), steady(0.7, 0.0));
+        let share = 1.0 - (-0.02f64 / 0.05).exp();
+        assert!((lean.divergent() - share * turn).abs() < 1e-12);
+        for _ in 0..400 {
+            lean.look(&model, &TurnMoment::default(), steady(0.7, 0.0));
+        }
+        // What lies beyond 16 s weighs exp(-58).
+        assert!((lean.divergent() - turn).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_future_that_comes_as_foreseen_holds_no_surprise() {
+        // A ramp of centripetal acceleration: xi leads it by 1/lambda, at every moment.
+        let (mut lean, model) = reference(&BalanceParams {
+            preview_step: 0.005,
+            preview_steps: 400,
+            preview_ticks: 1,
+            preview_settling: 0.0,
+            ..BalanceParams::default()
+        });
+        let dt = 0.005;
+        let at = |t: f64| 0.2 * t;
+        let mut carried = None;
+        for tick in 0..200 {
+            let t = dt * f64::from(tick);
+            lean.look(&model, &TurnMoment::default(), |step, steps, visit| {
+                (0..steps).for_each(|i| visit(at(t + (i as f64 + 0.5) * step), 0.0));
+            });
+            if let Some(xi) = carried {
+                let surprise: f64 = lean.divergent() - xi;
+                // Euler's step and the end of the horizon, against a xi that rises by 1e-4 rad a tick.
+                assert!(surprise.abs() < 5e-6, "{surprise}");
+            }
+            lean.tick(model.equilibrium_lean(at(t), 0.0), dt);
+            carried = Some(lean.divergent());
+        }
     }
 
     #[test]
@@ -222,18 +224,15 @@ mod tests {
             preview: false,
             ..BalanceParams::default()
         });
-        let motion = PlaneMotion {
-            pose: Pose2::new(10.0, 0.0, 0.0),
-            speed: 1.2,
-            yaw_rate: 0.5,
-            yaw_acceleration: 0.0,
+        let turn = TurnMoment {
+            centripetal: 0.6,
+            ..TurnMoment::default()
         };
         let equilibrium = model.equilibrium_lean(0.6, 0.0);
-        let path = straight();
         let dt = 0.0005;
         let mut before: Option<OutputReference> = None;
         for tick in 0..8000 {
-            lean.look(&model, &path, &motion, 10.5);
+            lean.look(&model, &turn, |_, _, _| {});
             let now = lean.tick(equilibrium, dt);
             if let Some(last) = before {
                 // Explicit Euler: the value moves by exactly its stated rate.

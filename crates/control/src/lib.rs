@@ -2,7 +2,8 @@
 //!
 //! Two loops ride the bike. The outer one, [`pvfc`], turns the plane motion of a
 //! point ahead of the rear contact into that of a point mass in an encoded velocity
-//! field and moves drive and steering accordingly. The inner one, [`output_zeroing`],
+//! field and moves drive and steering accordingly; [`follower`] has it beside pure pursuit,
+//! Stanley and LQR. The inner one, [`output_zeroing`],
 //! swings the balancer so that a special output of the roll dynamics vanishes; what is
 //! left is one exponentially stable number. Between them stands [`lean_reference`]:
 //! a balancer cannot hold the moment of a turn, so the body must already lean when the
@@ -18,6 +19,7 @@ pub mod cascade;
 pub mod controller;
 pub mod error;
 pub mod followed_path;
+pub mod follower;
 pub mod lean_reference;
 pub mod look_ahead;
 pub mod lqr;
@@ -28,6 +30,7 @@ pub mod output_zeroing;
 pub mod params;
 pub mod profile;
 pub mod pvfc;
+mod ramps;
 pub mod roll_model;
 pub mod supervisor;
 pub mod velocity_field;
@@ -37,13 +40,17 @@ pub use cascade::{ControlOutput, RideController};
 pub use controller::Controller;
 pub use error::ControlError;
 pub use followed_path::{FollowedPath, PathSample, RideLimits};
+pub use follower::Follower;
 pub use lean_reference::LeanReference;
 pub use look_ahead::LookAhead;
 pub use lyapunov::AugmentedEnergy;
 pub use observer::{DriveObserver, RollMomentObserver};
 pub use output_function::OutputFunction;
 pub use output_zeroing::{OutputReference, OutputZeroing};
-pub use params::{BalanceLawKind, BalanceParams, FollowController, FollowParams, Track};
+pub use params::{
+    BalanceLawKind, BalanceParams, FollowController, FollowParams, LateralLqrParams,
+    PurePursuitParams, StanleyParams, Track,
+};
 pub use pvfc::Pvfc;
 pub use roll_model::{RollModel, TurnMoment};
 pub use supervisor::{ModeChange, Phase};

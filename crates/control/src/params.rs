@@ -11,22 +11,109 @@ use bikebot_dynamics::BalancerMode;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FollowController {
-    /// Passive velocity field control.
+    /// Passive velocity field control of a point ahead of the rear contact.
     #[default]
     Pvfc,
+    /// Pure pursuit: the rear contact steers along the circle through a point of the curve ahead.
+    PurePursuit,
+    /// Stanley: the front wheel is steered along the curve and against its distance from it.
+    Stanley,
+    /// Linear-quadratic feedback of lateral and heading error of the rear contact, with curvature
+    /// feed-forward.
+    Lqr,
+}
+
+/// Pure pursuit: the scenario's `[follow.pure_pursuit]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PurePursuitParams {
+    /// `L_0`, m: how far ahead on the curve the pursued point lies at standstill. Shorter follows
+    /// closer and swings sooner.
+    #[serde(rename = "distance_m")]
+    #[schemars(range(min = 0.05, max = 20.0))]
+    pub distance: f64,
+    /// `T_L`, s: the pursued point moves ahead by the speed times this.
+    #[serde(rename = "time_s")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub time: f64,
+}
+
+impl Default for PurePursuitParams {
+    fn default() -> Self {
+        Self {
+            distance: 0.3,
+            time: 0.2,
+        }
+    }
+}
+
+/// The Stanley law: the scenario's `[follow.stanley]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct StanleyParams {
+    /// `k`, 1/s: how hard the front wheel steers against its distance from the curve.
+    #[serde(rename = "gain_per_s")]
+    #[schemars(range(min = 0.0, max = 50.0))]
+    pub gain: f64,
+    /// `v_0`, m/s: softens the law at low speed.
+    #[serde(rename = "softening_mps")]
+    #[schemars(range(min = 0.01, max = 5.0))]
+    pub softening: f64,
+}
+
+impl Default for StanleyParams {
+    fn default() -> Self {
+        Self {
+            gain: 4.0,
+            softening: 0.3,
+        }
+    }
+}
+
+/// Linear-quadratic path following: the scenario's `[follow.lqr]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LateralLqrParams {
+    /// `q_e`: weight on the lateral error, 1/m^2.
+    #[serde(rename = "lateral_weight_per_m2")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
+    pub lateral: f64,
+    /// `q_theta`: weight on the heading error, 1/rad^2.
+    #[serde(rename = "heading_weight_per_rad2")]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub heading: f64,
+    /// `r`: weight on the steering beyond the feed-forward, 1/rad^2.
+    #[serde(rename = "steer_weight_per_rad2")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
+    pub steer: f64,
+    /// How far ahead the curvature of the feed-forward is read, s: the lag of the steering.
+    #[serde(rename = "lead_s")]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub lead: f64,
+}
+
+impl Default for LateralLqrParams {
+    fn default() -> Self {
+        Self {
+            lateral: 4.0,
+            heading: 1.0,
+            steer: 1.0,
+            lead: 0.15,
+        }
+    }
 }
 
 /// Which point of the bike is to stay on the planned path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Track {
-    /// The rear contact: the followed curve is where the look-ahead point is while the rear
+    /// The rear contact: the followed curve is where the follower's own point is while the rear
     /// contact rides a smoothed version of the planned path. Curvature jumps of the plan
     /// become ramps that the steering can follow, and the rear does not cut corners.
     #[default]
     RearContact,
-    /// The look-ahead point itself: the planned path is the followed curve as it stands, and
-    /// the rear contact cuts corners by about `look_ahead^2 curvature / 2`.
+    /// The follower's own point: the planned path is the followed curve as it stands, and the
+    /// rear contact of a point `ell` ahead cuts corners by about `ell^2 curvature / 2`.
     LookAheadPoint,
 }
 
@@ -134,6 +221,20 @@ pub struct FollowParams {
     #[serde(rename = "drive_observer_per_s")]
     #[schemars(range(min = 0.0, max = 20.0))]
     pub drive_observer_rate: f64,
+    /// `k_psi`, 1/s: how fast pure pursuit, Stanley and LQR turn the steering to the angle they want.
+    #[serde(rename = "steering_gain_per_s")]
+    #[schemars(range(min = 0.5, max = 50.0))]
+    pub steering_gain: f64,
+    /// `k_v`, 1/s: how fast pure pursuit, Stanley and LQR correct the speed.
+    #[serde(rename = "speed_gain_per_s")]
+    #[schemars(range(min = 0.1, max = 20.0))]
+    pub speed_gain: f64,
+    /// Pure pursuit.
+    pub pure_pursuit: PurePursuitParams,
+    /// The Stanley law.
+    pub stanley: StanleyParams,
+    /// Linear-quadratic path following.
+    pub lqr: LateralLqrParams,
 }
 
 impl Default for FollowParams {
@@ -164,6 +265,11 @@ impl Default for FollowParams {
             drive_acceleration: 0.8,
             drive_deceleration: 1.0,
             drive_observer_rate: 4.0,
+            steering_gain: 10.0,
+            speed_gain: 2.0,
+            pure_pursuit: PurePursuitParams::default(),
+            stanley: StanleyParams::default(),
+            lqr: LateralLqrParams::default(),
         }
     }
 }
@@ -218,6 +324,11 @@ pub struct BalanceParams {
     /// Control ticks between two previews.
     #[schemars(range(min = 1, max = 100))]
     pub preview_ticks: u32,
+    /// Over how long what the preview did not foresee (a late pose, a push off the path) enters the lean
+    /// reference, s; zero lets it jump.
+    #[serde(rename = "preview_settling_s")]
+    #[schemars(range(min = 0.0, max = 0.2))]
+    pub preview_settling: f64,
     /// Share of the upright decoupling term below which linear-quadratic feedback takes over.
     #[serde(rename = "decoupling_guard")]
     #[schemars(range(min = 0.0, max = 0.9))]
@@ -270,6 +381,7 @@ impl Default for BalanceParams {
             preview_step: 0.04,
             preview_steps: 45,
             preview_ticks: 4,
+            preview_settling: 0.05,
             decoupling_guard: 0.1,
             lqr_roll: 100.0,
             lqr_balancer_flywheel: 0.01,

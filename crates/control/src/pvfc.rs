@@ -198,8 +198,8 @@ mod tests {
                 Point2::new(6.0, 0.0),
             )]).unwrap();
             let params = FollowParams::default();
-            let limits = RideLimits { wheelbase: 1.12, steer_rate: 2.0, lateral_acceleration: 3.0 };
-            let path = FollowedPath::new(&path, &params, &limits).unwrap();
+            let limits = RideLimits { wheelbase: 1.12, steer_rate: 2.0, lateral_acceleration: 3.0, curvature: 0.9 };
+            let path = FollowedPath::new(&path, &params, &limits, params.look_ahead).unwrap();
             let field = VelocityField::new(&params, path.speed_max());
             let mut rate = Vector2::new(speed * heading.cos(), speed * heading.sin());
             let mut point = Point2::new(x + 0.5, y);

@@ -222,8 +222,10 @@ fn the_demo_course_is_tabulated_with_its_speed_profile() {
         wheelbase: 1.12,
         steer_rate: 2.0,
         lateral_acceleration: 0.5 * 0.7 * 9.81,
+        curvature: 0.9,
     };
-    let path = FollowedPath::new(&common::demo_course(), &params, &limits).unwrap();
+    let path =
+        FollowedPath::new(&common::demo_course(), &params, &limits, params.look_ahead).unwrap();
     // Both tables divide the arc length, so 1e-3 covers how each measured it.
     assert!((path.length() - f(&file["length"])).abs() < 1e-3);
     for want in file["samples"].as_array().unwrap() {

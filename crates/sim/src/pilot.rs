@@ -23,7 +23,6 @@ pub(crate) struct Pilot {
 enum Kind {
     Rider {
         controller: Box<RideController>,
-        look_ahead: f64,
         /// Arc length of the true followed point on the followed curve, m.
         true_s: f64,
     },
@@ -51,7 +50,7 @@ pub(crate) struct TrueFollowing {
     /// Distance from the followed curve, m, positive to the left.
     pub lateral_error: f64,
     pub point: Point2,
-    /// ℓ, m.
+    /// How far ahead of the rear contact it lies, m.
     pub look_ahead: f64,
 }
 
@@ -80,7 +79,6 @@ impl Pilot {
                 )?;
                 Kind::Rider {
                     controller: Box::new(controller),
-                    look_ahead: setup.follow.look_ahead,
                     true_s: 0.0,
                 }
             }
@@ -123,6 +121,8 @@ impl Pilot {
                 self.offset = output.offset;
                 let path = controller.followed_path();
                 let reference = path.sample(output.virtual_time);
+                // Laws that keep no account leave its columns at zero.
+                let energy = output.energy.unwrap_or_default();
                 let sample = ControlSample {
                     drive_force_command_n: output.command.drive_force,
                     steer_rate_command_radps: output.command.steer_rate,
@@ -148,10 +148,10 @@ impl Pilot {
                     decoupling_ratio: output.decoupling,
                     roll_moment_estimate_nm: output.balance.moment_estimate,
                     drive_force_estimate_n: output.drive_estimate,
-                    stored_energy_j: output.energy.stored,
-                    supplied_power_w: output.energy.supplied_power,
-                    regulator_power_w: output.energy.regulator_power,
-                    energy_bound_j: output.energy.error_bound,
+                    stored_energy_j: energy.stored,
+                    supplied_power_w: energy.supplied_power,
+                    regulator_power_w: energy.regulator_power,
+                    energy_bound_j: energy.error_bound,
                     ..ControlSample::default()
                 };
                 Ok(PilotOutput {
@@ -159,7 +159,7 @@ impl Pilot {
                     offset: output.offset,
                     decoupling: Some(output.decoupling),
                     fallback: output.fallback,
-                    energy: Some(output.energy),
+                    energy: output.energy,
                     holds: output.phase == Phase::Hold,
                     sample,
                 })
@@ -217,15 +217,12 @@ impl Pilot {
 
     /// Where the true followed point is, from the true state.
     pub fn true_following(&mut self, state: &BikeState) -> Option<TrueFollowing> {
-        let Kind::Rider {
-            controller,
-            look_ahead,
-            true_s,
-        } = &mut self.kind
+        let Kind::Rider { controller, true_s } = &mut self.kind
         else {
             return None;
         };
-        let point = state.pose.position + state.pose.direction() * *look_ahead;
+        let ahead = controller.own_point().distance;
+        let point = state.pose.position + state.pose.direction() * ahead;
         let projection = controller
             .followed_path()
             .project(point, *true_s, PROJECTION_REACH);
@@ -233,7 +230,7 @@ impl Pilot {
         Some(TrueFollowing {
             lateral_error: projection.lateral,
             point,
-            look_ahead: *look_ahead,
+            look_ahead: ahead,
         })
     }
 }

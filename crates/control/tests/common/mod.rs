@@ -283,10 +283,12 @@ impl Report {
         self.steer_max = self.steer_max.max(state.steer.to_degrees().abs());
         self.speed_max = self.speed_max.max(out.followed_speed);
         self.fallbacks += usize::from(out.fallback);
-        self.violations += usize::from(out.energy.is_violated(CONTROL_PERIOD));
-        self.unexplained_max = self
-            .unexplained_max
-            .max(out.energy.unexplained(CONTROL_PERIOD) + 1e-9);
+        if let Some(energy) = &out.energy {
+            self.violations += usize::from(energy.is_violated(CONTROL_PERIOD));
+            self.unexplained_max = self
+                .unexplained_max
+                .max(energy.unexplained(CONTROL_PERIOD) + 1e-9);
+        }
         if self.decoupling_min == 0.0 || out.decoupling < self.decoupling_min {
             self.decoupling_min = out.decoupling;
         }

@@ -1,0 +1,111 @@
+//! Passive velocity field control as a follower: the look-ahead point in an encoded field.
+//!
+//! The law itself is [`crate::pvfc`]; here the acceleration it wants of the point becomes forward
+//! and yaw acceleration, and its energy account is kept.
+
+use bikebot_dynamics::{BikeParams, Measurement};
+use bikebot_geometry::Vector2;
+
+use super::rolling::{MotionLimits, RollingBike, roll_out};
+use super::{FollowStep, PlaneMotion, Turning};
+use crate::followed_path::{FollowedPath, Projection};
+use crate::look_ahead::LookAhead;
+use crate::lyapunov::{AugmentedEnergy, EnergyAccount};
+use crate::params::FollowParams;
+use crate::pvfc::Pvfc;
+use crate::velocity_field::VelocityField;
+
+/// Longest step of the roll-out, s.
+const ROLL_OUT_STEP: f64 = 0.02;
+
+/// The velocity field, the point that moves in it and the energy account of both.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FieldFollower {
+    own: LookAhead,
+    pvfc: Pvfc,
+    account: EnergyAccount,
+    point_mass: f64,
+    limits: MotionLimits,
+}
+
+impl FieldFollower {
+    /// For `bike`, which stands at `start` with its look-ahead point at `projection` beside `path`.
+    #[must_use]
+    pub fn new(
+        params: &FollowParams,
+        bike: &BikeParams,
+        path: &FollowedPath,
+        start: &Measurement,
+        projection: &Projection,
+    ) -> Self {
+        let own = LookAhead {
+            distance: params.look_ahead,
+            wheelbase: bike.wheelbase,
+            speed_floor: params.steering_speed_floor,
+        };
+        let point_rate = own.velocity(start);
+        let along = path.sample(projection.s).heading;
+        let virtual_rate = point_rate
+            .dot(&Vector2::new(along.cos(), along.sin()))
+            .max(0.0);
+        let field = VelocityField::new(params, path.speed_max());
+        Self {
+            own,
+            pvfc: Pvfc::new(params, field, projection.s, virtual_rate, point_rate),
+            account: EnergyAccount::default(),
+            point_mass: params.point_mass,
+            limits: MotionLimits::new(params, bike),
+        }
+    }
+
+    /// The look-ahead point.
+    #[must_use]
+    pub fn own_point(&self) -> &LookAhead {
+        &self.own
+    }
+
+    /// `s`, m.
+    #[must_use]
+    pub fn virtual_time(&self) -> f64 {
+        self.pvfc.virtual_time()
+    }
+
+    /// One tick of `dt` seconds.
+    pub fn step(&mut self, path: &FollowedPath, m: &Measurement, dt: f64) -> FollowStep {
+        let (point, point_rate) = (self.own.point(m), self.own.velocity(m));
+        let step = self.pvfc.step(path, point, point_rate, dt);
+        let energy = self.account.enter(&step, point_rate, self.point_mass, dt);
+        FollowStep {
+            acceleration: self.own.forward_acceleration(m, step.acceleration),
+            turning: Turning::YawAcceleration(self.own.yaw_acceleration(m, step.acceleration)),
+            energy: Some(energy),
+        }
+    }
+
+    /// Stops the augmented system.
+    pub fn rest(&mut self) -> AugmentedEnergy {
+        self.account.rest()
+    }
+
+    /// The closed loop ahead, as [`super::Follower::roll_out`].
+    pub fn roll_out(
+        &self,
+        path: &FollowedPath,
+        motion: &PlaneMotion,
+        step: f64,
+        steps: usize,
+        visit: &mut dyn FnMut(f64, f64),
+    ) {
+        let mut pvfc = self.pvfc;
+        let advance = |bike: &mut RollingBike| {
+            let m = bike.measured;
+            let (point, rate) = (self.own.point(&m), self.own.velocity(&m));
+            let wanted = pvfc.step(path, point, rate, bike.dt()).acceleration;
+            let acceleration = bike.driven(self.own.forward_acceleration(&m, wanted));
+            let yaw = self.own.yaw_acceleration(&m, wanted);
+            bike.roll(acceleration, self.own.steer_rate(&m, acceleration, yaw))
+        };
+        let grid = (step, steps, ROLL_OUT_STEP);
+        roll_out(&motion.measured, &self.limits, grid, advance, visit);
+    }
+}
