@@ -106,6 +106,11 @@ impl Actuators {
         self.steer_rate
     }
 
+    /// The steering is held fast: its servo has no rate to carry on with.
+    pub fn stop_steering(&mut self) {
+        self.steer_rate = 0.0;
+    }
+
     /// What the motors make of `command` over the next `dt` seconds, starting from steering
     /// angle `steer` (rad) and balancer speed `balancer_rate` (rad/s).
     ///

@@ -110,8 +110,76 @@ pub struct BikeInput {
     /// External force along the heading at the common centre of gravity, N: the pull of a
     /// slope, negative uphill.
     pub slope_force: f64,
+    /// What pushes the frame from outside.
+    pub push: Push,
     /// The balancer's offset and its motion.
     pub offset: Offset,
+}
+
+/// Forces from outside on points of the frame, level and in the heading frame, and the arms they act at.
+///
+/// Forces at several points add up: every field is a sum over them. A force at height `h` up the frame acts
+/// at `(x, −h sin α, h cos α)` of the heading frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Push {
+    /// Force along the heading, N.
+    pub forward: f64,
+    /// Force to the left of the heading, N.
+    pub left: f64,
+    /// Force along the heading times its height up the frame, N m.
+    pub forward_height: f64,
+    /// Force to the left times its height up the frame, N m.
+    pub left_height: f64,
+    /// Force to the left times its distance ahead of the rear contact, N m.
+    pub left_ahead: f64,
+}
+
+impl Push {
+    /// A force `forward` along the heading and `left` to its left (N) at a point of the frame `ahead` of the
+    /// rear contact and `height` up the frame (m).
+    #[must_use]
+    pub fn at(forward: f64, left: f64, ahead: f64, height: f64) -> Self {
+        Self {
+            forward,
+            left,
+            forward_height: forward * height,
+            left_height: left * height,
+            left_ahead: left * ahead,
+        }
+    }
+
+    /// Moment about the heading through the rear contact, N m, positive to the right, at roll `α` (rad).
+    #[must_use]
+    pub fn roll_moment(&self, roll: f64) -> f64 {
+        -self.left_height * roll.cos()
+    }
+
+    /// Moment about the lateral axis through the rear contact, N m: what takes load off the front wheel is
+    /// negative.
+    #[must_use]
+    pub fn pitch_moment(&self, roll: f64) -> f64 {
+        self.forward_height * roll.cos()
+    }
+
+    /// Moment about the vertical through the rear contact, N m, positive to the left.
+    #[must_use]
+    pub fn yaw_moment(&self, roll: f64) -> f64 {
+        self.left_ahead + self.forward_height * roll.sin()
+    }
+}
+
+impl std::ops::Add for Push {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            forward: self.forward + other.forward,
+            left: self.left + other.left,
+            forward_height: self.forward_height + other.forward_height,
+            left_height: self.left_height + other.left_height,
+            left_ahead: self.left_ahead + other.left_ahead,
+        }
+    }
 }
 
 /// Accelerations of the bike.
@@ -183,12 +251,17 @@ impl Bike {
         let m = p.mass();
         let rhs_v = input.drive_force
             + input.slope_force * (1.0 - kappa * q.sy / m)
+            + input.push.forward
+            + kappa * input.push.yaw_moment(state.roll)
             + drift * q.sy
             + omega * q.sy_rate
             - kappa * yaw_momentum_drift;
-        let rhs_a =
-            q.a_a * drift + v * omega * q.hz + 0.5 * omega * omega * q.j_a + input.roll_moment
-                - bias[0];
+        let rhs_a = q.a_a * drift
+            + v * omega * q.hz
+            + 0.5 * omega * omega * q.j_a
+            + input.roll_moment
+            + input.push.roll_moment(state.roll)
+            - bias[0];
         let rhs_b = q.a_b * drift
             + v * omega * p.m2 * d * q.cos_phi
             + 0.5 * omega * omega * q.j_b
@@ -399,6 +472,65 @@ mod tests {
         let by_slope = bike.accelerations(&state, &pull).speed;
         let by_wheel = bike.accelerations(&state, &drive).speed;
         assert!(by_slope < by_wheel);
+    }
+
+    #[test]
+    fn a_push_works_on_the_bike_what_its_point_of_attack_travels() {
+        // Power balance: d/dt (T + V) = F · velocity of the point, for any motion.
+        let bike = bike();
+        let offset = Offset::fixed(0.15);
+        let (ahead, height) = (0.4, 0.7);
+        let mut state = BikeState {
+            steer: 0.4,
+            roll: 0.2,
+            balancer: 0.5,
+            roll_rate: -0.4,
+            balancer_rate: 1.0,
+            ..rolling(1.3)
+        };
+        let (forward, left) = (30.0, -80.0);
+        let input = BikeInput {
+            push: Push::at(forward, left, ahead, height),
+            offset,
+            ..BikeInput::default()
+        };
+        let power = |s: &BikeState| {
+            let omega = bike.yaw_rate(s);
+            let (sin, cos) = s.roll.sin_cos();
+            forward * (s.speed + omega * height * sin)
+                + left * (omega * ahead - height * cos * s.roll_rate)
+        };
+        let before = bike.energy(&state, &offset);
+        let (dt, steps) = (1e-4, 1000);
+        let mut work = 0.0;
+        for i in 0..steps {
+            let from = power(&state);
+            state = Rk4.step(&bike, f64::from(i) * dt, &state, &input, dt);
+            work += 0.5 * dt * (from + power(&state));
+        }
+        // The trapezoidal rule over 0.1 s of a smooth power leaves dt² P''/12 ~ 1e-8 of it.
+        assert_relative_eq!(
+            bike.energy(&state, &offset) - before,
+            work,
+            max_relative = 1e-6
+        );
+    }
+
+    #[test]
+    fn pushes_at_several_points_add_up() {
+        let (one, two) = (
+            Push::at(10.0, -20.0, 0.3, 0.6),
+            Push::at(0.0, 5.0, 0.9, 1.1),
+        );
+        let both = one + two;
+        for roll in [-0.3, 0.0, 0.4] {
+            assert_relative_eq!(
+                both.roll_moment(roll),
+                one.roll_moment(roll) + two.roll_moment(roll)
+            );
+        }
+        // 20 N to the right at 0.6 m rolls to the right.
+        assert_relative_eq!(one.roll_moment(0.0), 12.0);
     }
 
     #[test]

@@ -101,7 +101,7 @@ impl Bike {
         // Sideways and about the vertical.
         let side_momentum = omega * q.sx + q.sy_rate;
         let side_momentum_rate = omega_dot * q.sx + p.m1 * y1_ddot + p.m2 * y2_ddot;
-        let lateral = side_momentum_rate + omega * (m * v - omega * q.sy);
+        let lateral = side_momentum_rate + omega * (m * v - omega * q.sy) - input.push.left;
         let yaw_momentum_rate = -v_dot * q.sy - v * q.sy_rate + omega_dot * q.j + omega * q.j_rate
             - q.a_a * alpha_ddot
             - q.a_a_rate * alpha_dot
@@ -111,7 +111,8 @@ impl Bike {
             - q.a_d_rate * d_dot;
         // The slope's pull acts beside the wheel line as the centre of gravity leans out.
         let slope_yaw = -input.slope_force * q.sy / m;
-        let yaw_moment = yaw_momentum_rate + v * side_momentum - slope_yaw;
+        let yaw_moment =
+            yaw_momentum_rate + v * side_momentum - slope_yaw - input.push.yaw_moment(state.roll);
         let front_normal = yaw_moment / (p.wheelbase * state.steer.cos());
         let rear_lateral = lateral - yaw_moment / p.wheelbase;
 
@@ -131,7 +132,9 @@ impl Bike {
             + pitch(sf, cf, p.i2y - p.i2z, p.i2x, phi_dot)
             - p.i1xz * (frame_z + omega * omega * ca);
         let slope_pitch = input.slope_force * q.hz / m;
-        let front_load = (GRAVITY * q.sx + slope_pitch - translation - rotation) / p.wheelbase;
+        let push_pitch = input.push.pitch_moment(state.roll);
+        let front_load =
+            (GRAVITY * q.sx + slope_pitch + push_pitch - translation - rotation) / p.wheelbase;
 
         ContactForces {
             drive: input.drive_force,
@@ -193,6 +196,28 @@ mod tests {
             assert_relative_eq!(transfer, 50.0 * h / 1.12, max_relative = 1e-12);
         }
         assert!(bike.accelerations(&rolling(1.0), &climbing).speed.abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_push_at_the_centre_of_percussion_leaves_the_tyres_alone() {
+        // A body hit where it would turn about the ground line asks nothing of the ground sideways:
+        // at the height a0/(m h) with the balancer free, and above or below it the tyres hold back or on.
+        let bike = bike();
+        let lumped = bike.params.lumped(0.0);
+        let moment = 38.0 * 0.52 + 12.0 * 0.80;
+        let height = lumped.a0 / moment;
+        let pushed = |height: f64| {
+            let forces = bike.contact_forces(
+                &rolling(1.0),
+                &BikeInput {
+                    push: crate::bike::Push::at(0.0, -100.0, 0.437, height),
+                    ..BikeInput::default()
+                },
+            );
+            forces.rear_lateral + forces.front_normal
+        };
+        assert!(pushed(height).abs() < 1e-10, "{}", pushed(height));
+        assert!(pushed(0.0) > 99.0 && pushed(2.0 * height) < -99.0);
     }
 
     #[test]

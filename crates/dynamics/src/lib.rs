@@ -35,7 +35,7 @@ pub mod two_link;
 pub mod whipple;
 
 pub use actuator::{Actuators, Applied, Command, Saturation};
-pub use bike::{Bike, BikeAcceleration, BikeInput, BikeState};
+pub use bike::{Bike, BikeAcceleration, BikeInput, BikeState, Push};
 pub use contact::ContactForces;
 pub use error::DynamicsError;
 pub use integrator::{ExplicitEuler, Integrator, Rk4};

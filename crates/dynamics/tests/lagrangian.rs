@@ -8,7 +8,7 @@
 
 use bikebot_dynamics::constants::GRAVITY;
 use bikebot_dynamics::{
-    Bike, BikeInput, BikeParams, BikeState, Offset, Plant, State, TwoLink, TwoLinkInput,
+    Bike, BikeInput, BikeParams, BikeState, Offset, Plant, Push, State, TwoLink, TwoLinkInput,
     TwoLinkState,
 };
 use bikebot_geometry::Pose2;
@@ -117,9 +117,11 @@ prop_compose! {
     fn inputs()(
         drive_force in -50.0..50.0, steer_rate in -1.0..1.0, balancer_torque in -40.0..40.0,
         roll_moment in -10.0..10.0, slope_force in -40.0..40.0, offset in offsets(),
+        push in (-50.0..50.0, -200.0..200.0, -0.5..1.5, 0.0..1.5),
     ) -> BikeInput {
         BikeInput {
             drive_force, steer_rate, balancer_torque, roll_moment, slope_force, offset,
+            push: Push::at(push.0, push.1, push.2, push.3),
         }
     }
 }
@@ -167,15 +169,22 @@ proptest! {
         let front_lateral = forces.front_normal * state.steer.cos();
         // The front wheel's force also has a part along the heading, −F_f sin ψ.
         let expected_forward =
-            input.drive_force + input.slope_force - forces.front_normal * state.steer.sin();
+            input.drive_force + input.slope_force + input.push.forward
+                - forces.front_normal * state.steer.sin();
         prop_assert!((forward - expected_forward).abs() < FORCE, "forward {forward}");
-        prop_assert!((sideways - forces.rear_lateral - front_lateral).abs() < FORCE);
+        let push = &input.push;
+        prop_assert!((sideways - forces.rear_lateral - front_lateral - push.left).abs() < FORCE);
         prop_assert!((r[2] - forces.rear_load - forces.front_load).abs() < FORCE);
-        let yaw = p.wheelbase * front_lateral - input.slope_force * y;
+        // A point at height h of the leaning frame is at (x, −h sin α, h cos α).
+        let (sin_roll, cos_roll) = state.roll.sin_cos();
+        let yaw = p.wheelbase * front_lateral - input.slope_force * y
+            + push.left_ahead + push.forward_height * sin_roll;
         prop_assert!((r[3] - yaw).abs() < FORCE, "yaw {} {yaw}", r[3]);
-        let pitch = -p.wheelbase * forces.front_load + input.slope_force * z;
+        let pitch = -p.wheelbase * forces.front_load + input.slope_force * z
+            + push.forward_height * cos_roll;
         prop_assert!((r[4] - pitch).abs() < FORCE, "pitch {} {pitch}", r[4]);
-        prop_assert!((r[5] - input.roll_moment).abs() < FORCE, "roll {}", r[5]);
+        let roll = input.roll_moment - push.left_height * cos_roll;
+        prop_assert!((r[5] - roll).abs() < FORCE, "roll {} {roll}", r[5]);
         prop_assert!((r[6] - input.balancer_torque).abs() < FORCE, "balancer {}", r[6]);
     }
 
@@ -227,6 +236,7 @@ proptest! {
     ) {
         input.offset = Offset::fixed(input.offset.d);
         input.slope_force = 0.0;
+        input.push = Push::default();
         let bike = Bike::new(p);
         let rate = bike.rate(0.0, &state, &input);
         let energy_rate = derivative(H, |h| bike.energy(&state.moved(&rate, h), &input.offset));

@@ -10,6 +10,7 @@
 
 use crate::chance::{Component, stream};
 use crate::clock::SimTime;
+use crate::disturbance::{Disturbances, MotorFaults, SensorFaults, Turn};
 use crate::error::Error;
 use crate::monitor::{Edge, FallMonitor, PassivityMonitor, Verdict};
 use crate::outcome::{ExpectCheck, Metrics, RunOutcome};
@@ -325,8 +326,13 @@ struct Ride<'s> {
     plant: TruePlant,
     state: BikeState,
     input: BikeInput,
+    /// Friction of the ground under the rear and the front wheel.
+    friction: [f64; 2],
+    disturbances: Disturbances,
     actuators: Actuators,
+    motor_faults: MotorFaults,
     sensors: Sensors,
+    sensor_faults: SensorFaults,
     laser: Option<Laser>,
     pilot: Pilot,
     falls: FallMonitor,
@@ -393,7 +399,16 @@ impl<'s> Ride<'s> {
         };
         Ok(Self {
             actuators: Actuators::new(plant.params()),
-            falls: FallMonitor::new(setup.control, plant.params().friction),
+            motor_faults: MotorFaults::new(plant.params()),
+            disturbances: Disturbances::new(&setup.disturbances, plant.params()),
+            friction: [plant.params().friction; 2],
+            sensor_faults: SensorFaults::new(
+                &setup.disturbances,
+                setup.control,
+                setup.bike.wheelbase,
+                setup.noise.odometry_replay,
+            ),
+            falls: FallMonitor::new(setup.control),
             passivity: PassivityMonitor::default(),
             metrics: RideMetrics::new(setup.plant, path),
             input: BikeInput {
@@ -485,9 +500,11 @@ impl<'s> Ride<'s> {
     ) -> Result<Tick, Error> {
         // Sense.
         let t = time.seconds();
+        self.disturb(time, recorder)?;
         let measured = self
             .sensors
             .measure(t, &self.state, self.actuators.steer_rate());
+        let measured = self.sensor_faults.bend(&self.disturbances, t, &measured);
         self.scan(tick, time, recorder)?;
 
         // Follow and balance.
@@ -527,30 +544,66 @@ impl<'s> Ride<'s> {
         })
     }
 
+    /// Tells of the disturbances that have come or gone.
+    fn disturb(&mut self, time: SimTime, recorder: &mut dyn Recorder) -> Result<(), Error> {
+        let mut told = Ok(());
+        let progress = self.metrics.progress();
+        self.disturbances
+            .advance(time.seconds(), progress, |Turn { text, size }| {
+                if told.is_ok() {
+                    told = recorder.record(
+                        time,
+                        &Event::Notice {
+                            kind: NoticeKind::Disturbance,
+                            text: &text,
+                            value: size,
+                        },
+                    );
+                }
+            });
+        Ok(told?)
+    }
+
     fn integrate(&mut self, t: f64, command: &Command, output: &PilotOutput) -> Saturation {
         let dt = self.setup.step.seconds();
         let steps = self.setup.control.nanoseconds() / self.setup.step.nanoseconds();
         let mut saturation = Saturation::default();
         let setup = self.setup;
         let offset = true_offset(&setup.bike, &setup.true_bike, setup.mode, output.offset);
+        let mass = self.plant.params().mass();
         for step in 0..steps {
-            let applied =
-                self.actuators
-                    .apply(command, self.state.steer, self.state.balancer_rate, dt);
-            saturation = saturation.or(applied.saturation);
-            let input = BikeInput {
-                drive_force: applied.drive_force,
-                steer_rate: applied.steer_rate,
-                balancer_torque: applied.balancer_torque,
-                offset,
-                ..BikeInput::default()
-            };
+            let t = t + step as f64 * dt;
+            let bent = self.motor_faults.bend(&self.disturbances, t, dt, command);
+            let applied = self.actuators.apply(
+                &bent.command,
+                self.state.steer,
+                self.state.balancer_rate,
+                dt,
+            );
+            saturation = saturation.or(applied.saturation).or(bent.saturation);
+            let loads = self.disturbances.at(t, dt, &self.state);
+            let mut input = loads.on(
+                BikeInput {
+                    drive_force: applied.drive_force,
+                    steer_rate: applied.steer_rate,
+                    balancer_torque: applied.balancer_torque,
+                    offset,
+                    ..BikeInput::default()
+                },
+                mass,
+            );
+            if bent.steering_is_stuck {
+                input.steer_rate = 0.0;
+                self.actuators.stop_steering();
+            }
+            if bent.balancer_is_stuck {
+                input.balancer_torque = self.plant.jamming_torque(&self.state, &input, dt);
+            }
             if step == 0 {
                 self.input = input;
+                self.friction = loads.friction;
             }
-            self.state = self
-                .plant
-                .step(t + step as f64 * dt, &self.state, &input, dt);
+            self.state = self.plant.step(t, &self.state, &input, dt);
         }
         saturation
     }
@@ -598,7 +651,7 @@ impl<'s> Ride<'s> {
             .map(|world| world.footprint_clearance(&self.setup.footprint, &state.pose));
         let following = self.pilot.true_following(state);
         let lateral_error = following.map(|following| following.lateral_error);
-        let friction = plant.params().friction;
+        let friction = self.friction;
         let rear_error = self.metrics.add(
             &TickFacts {
                 state,
@@ -638,14 +691,14 @@ impl<'s> Ride<'s> {
             balancer_offset_m: input.offset.d,
             drive_force_n: input.drive_force,
             balancer_torque_nm: input.balancer_torque,
-            roll_moment_nm: input.roll_moment,
-            slope_force_n: input.slope_force,
+            roll_moment_nm: input.roll_moment + input.push.roll_moment(state.roll),
+            slope_force_n: input.slope_force + input.push.forward,
             rear_lateral_force_n: contact.map_or(f64::NAN, |c| c.rear_lateral),
             front_lateral_force_n: contact.map_or(f64::NAN, |c| c.front_normal),
             rear_load_n: contact.map_or(f64::NAN, |c| c.rear_load),
             front_load_n: contact.map_or(f64::NAN, |c| c.front_load),
-            friction_use_rear: contact.map_or(f64::NAN, |c| c.friction_use_rear(friction)),
-            friction_use_front: contact.map_or(f64::NAN, |c| c.friction_use_front(friction)),
+            friction_use_rear: contact.map_or(f64::NAN, |c| c.friction_use_rear(friction[0])),
+            friction_use_front: contact.map_or(f64::NAN, |c| c.friction_use_front(friction[1])),
             energy_j: plant.energy(state, &input),
             clearance_m: clearance.unwrap_or(f64::NAN),
         };
@@ -705,13 +758,16 @@ impl<'s> Ride<'s> {
         facts: Facts,
         recorder: &mut dyn Recorder,
     ) -> Result<Option<Verdict>, Error> {
-        let verdict = self.falls.judge(state, facts.contact.as_ref()).or_else(|| {
-            // The next state has to be finite before anything else looks at it.
-            (!self.state.is_finite()).then_some(Verdict {
-                outcome: RunOutcome::Fell,
-                reason: "not_finite",
-            })
-        });
+        let verdict = self
+            .falls
+            .judge(state, facts.contact.as_ref(), self.friction)
+            .or_else(|| {
+                // The next state has to be finite before anything else looks at it.
+                (!self.state.is_finite()).then_some(Verdict {
+                    outcome: RunOutcome::Fell,
+                    reason: "not_finite",
+                })
+            });
         let verdict = verdict.or_else(|| {
             facts
                 .clearance

@@ -12,6 +12,7 @@
 mod chance;
 pub mod clock;
 pub mod closed_loop;
+pub mod disturbance;
 mod error;
 pub mod monitor;
 pub mod outcome;

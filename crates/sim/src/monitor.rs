@@ -26,25 +26,29 @@ pub struct Verdict {
 #[derive(Debug, Clone)]
 pub struct FallMonitor {
     tick: Period,
-    friction: f64,
     slipping: SimTime,
     lifted: SimTime,
 }
 
 impl FallMonitor {
-    /// A monitor called once per `tick`, for tyres with friction coefficient `friction`.
+    /// A monitor called once per `tick`.
     #[must_use]
-    pub fn new(tick: Period, friction: f64) -> Self {
+    pub fn new(tick: Period) -> Self {
         Self {
             tick,
-            friction,
             slipping: SimTime::ZERO,
             lifted: SimTime::ZERO,
         }
     }
 
-    /// Judges one tick; `None` while the ride may go on.
-    pub fn judge(&mut self, state: &BikeState, contact: Option<&ContactForces>) -> Option<Verdict> {
+    /// Judges one tick, on ground with this friction under the rear and the front wheel; `None` while the
+    /// ride may go on.
+    pub fn judge(
+        &mut self,
+        state: &BikeState,
+        contact: Option<&ContactForces>,
+        friction: [f64; 2],
+    ) -> Option<Verdict> {
         let fell = |reason| {
             Some(Verdict {
                 outcome: RunOutcome::Fell,
@@ -61,8 +65,8 @@ impl FallMonitor {
         let on_ground = contact.both_wheels_down();
         // Without load there is no friction to exceed: a lifted wheel is judged as that.
         let slips = on_ground
-            && (contact.friction_use_rear(self.friction) > 1.0
-                || contact.friction_use_front(self.friction) > 1.0);
+            && (contact.friction_use_rear(friction[0]) > 1.0
+                || contact.friction_use_front(friction[1]) > 1.0);
         self.slipping = if slips {
             self.slipping + self.tick
         } else {
@@ -139,6 +143,8 @@ mod tests {
     use super::*;
     use bikebot_geometry::Pose2;
 
+    const GROUND: [f64; 2] = [0.7; 2];
+
     fn forces(front_load: f64, front_normal: f64) -> ContactForces {
         ContactForces {
             drive: 0.0,
@@ -150,10 +156,7 @@ mod tests {
     }
 
     fn monitor() -> FallMonitor {
-        FallMonitor::new(
-            Period::from_seconds(0.005).expect("a whole number of nanoseconds"),
-            0.7,
-        )
+        FallMonitor::new(Period::from_seconds(0.005).expect("a whole number of nanoseconds"))
     }
 
     fn upright() -> BikeState {
@@ -165,11 +168,11 @@ mod tests {
         let mut monitor = monitor();
         let slip = forces(100.0, 71.0);
         for _ in 0..3 {
-            assert_eq!(monitor.judge(&upright(), Some(&slip)), None);
+            assert_eq!(monitor.judge(&upright(), Some(&slip), GROUND), None);
         }
         assert_eq!(
             monitor
-                .judge(&upright(), Some(&slip))
+                .judge(&upright(), Some(&slip), GROUND)
                 .map(|verdict| verdict.reason),
             Some("slip")
         );
@@ -180,7 +183,10 @@ mod tests {
         let mut monitor = monitor();
         for _ in 0..20 {
             for force in [71.0, 71.0, 71.0, 69.0] {
-                assert_eq!(monitor.judge(&upright(), Some(&forces(100.0, force))), None);
+                assert_eq!(
+                    monitor.judge(&upright(), Some(&forces(100.0, force)), GROUND),
+                    None
+                );
             }
         }
     }
@@ -190,7 +196,7 @@ mod tests {
         let mut monitor = monitor();
         let lifted = forces(-1.0, 0.0);
         let verdicts: Vec<_> = (0..10)
-            .map(|_| monitor.judge(&upright(), Some(&lifted)))
+            .map(|_| monitor.judge(&upright(), Some(&lifted), GROUND))
             .collect();
         assert!(verdicts[..9].iter().all(Option::is_none));
         assert_eq!(
@@ -204,7 +210,9 @@ mod tests {
         let mut state = upright();
         state.roll_rate = f64::NAN;
         assert_eq!(
-            monitor().judge(&state, None).map(|verdict| verdict.reason),
+            monitor()
+                .judge(&state, None, GROUND)
+                .map(|verdict| verdict.reason),
             Some("not_finite")
         );
     }

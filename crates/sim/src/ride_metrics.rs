@@ -19,7 +19,8 @@ pub(crate) struct TickFacts<'a> {
     pub state: &'a BikeState,
     pub yaw_rate: f64,
     pub contact: Option<&'a ContactForces>,
-    pub friction: f64,
+    /// Of the ground under the rear and the front wheel.
+    pub friction: [f64; 2],
     pub balancer_torque: f64,
     /// True followed point's distance from the followed curve, m; signed, positive to the left.
     pub lateral_error: Option<f64>,
@@ -102,10 +103,10 @@ impl RideMetrics {
         }
         if let Some(contact) = facts.contact {
             // A wheel off the ground has no friction to use; that it lifted is in the load.
-            if let Some(used) = loaded_use_rear(contact, facts.friction) {
+            if let Some(used) = loaded_use_rear(contact, facts.friction[0]) {
                 raise(&mut m.friction_use_rear_max, used);
             }
-            if let Some(used) = loaded_use_front(contact, facts.friction) {
+            if let Some(used) = loaded_use_front(contact, facts.friction[1]) {
                 raise(&mut m.friction_use_front_max, used);
             }
             lower(
@@ -133,6 +134,11 @@ impl RideMetrics {
             raise(&mut self.metrics.rear_error_max_m, rear.distance);
         }
         Some(rear.distance)
+    }
+
+    /// How far the rear contact has come along the planned path, m.
+    pub fn progress(&self) -> f64 {
+        self.rear_s
     }
 
     fn corner_speed(&mut self, facts: &TickFacts<'_>, path: &CurvePath, moved: f64) {

@@ -32,6 +32,9 @@ pub fn true_offset(
     }
 }
 
+/// Torque with which a jam holds the balancer, as a multiple of the motor's largest.
+const JAM_STRENGTH: f64 = 10.0;
+
 /// The true bike.
 ///
 /// Every model shares [`BikeState`]; what a model does not move stays as it is: the two-link model
@@ -69,7 +72,7 @@ impl TruePlant {
                     &plant,
                     t,
                     &TwoLinkState::from(state),
-                    &two_link_input(input),
+                    &two_link_input(state, input),
                     dt,
                 );
                 BikeState {
@@ -112,7 +115,7 @@ impl TruePlant {
             PlantModel::TwoLink => {
                 let plant = TwoLink::new(self.params(), input.offset);
                 let second =
-                    plant.accelerations(&TwoLinkState::from(state), &two_link_input(input));
+                    plant.accelerations(&TwoLinkState::from(state), &two_link_input(state, input));
                 BikeAcceleration {
                     speed: 0.0,
                     yaw: 0.0,
@@ -132,6 +135,28 @@ impl TruePlant {
                     balancer: 0.0,
                 }
             }
+        }
+    }
+
+    /// The balancer torque (N m) that brings a jammed balancer to rest against the frame within `dt` seconds, as
+    /// far as the jam is that strong.
+    #[must_use]
+    pub fn jamming_torque(&self, state: &BikeState, input: &BikeInput, dt: f64) -> f64 {
+        let spin = |torque: f64| {
+            let input = BikeInput {
+                balancer_torque: torque,
+                ..*input
+            };
+            self.accelerations(state, &input).balancer
+        };
+        // The equations are linear in the torque.
+        let (free, per_newton_metre) = (spin(0.0), spin(1.0) - spin(0.0));
+        let strongest = JAM_STRENGTH * self.params().balancer_torque_max;
+        let wanted = (-state.balancer_rate / dt - free) / per_newton_metre;
+        if wanted.is_finite() {
+            wanted.clamp(-strongest, strongest)
+        } else {
+            0.0
         }
     }
 
@@ -170,9 +195,9 @@ impl TruePlant {
     }
 }
 
-fn two_link_input(input: &BikeInput) -> TwoLinkInput {
+fn two_link_input(state: &BikeState, input: &BikeInput) -> TwoLinkInput {
     TwoLinkInput {
         balancer_torque: input.balancer_torque,
-        roll_moment: input.roll_moment,
+        roll_moment: input.roll_moment + input.push.roll_moment(state.roll),
     }
 }

@@ -379,6 +379,7 @@ impl Scenario {
             laser: Default::default(),
             plant: Default::default(),
             noise: Default::default(),
+            disturbance: Vec::new(),
             run: Default::default(),
             record: Default::default(),
             expect: None,

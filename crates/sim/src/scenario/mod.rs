@@ -8,10 +8,12 @@
 //! The sections of the file are the parameter structs of the crates that use them, so
 //! each number, its unit, its range and its default have one definition.
 
+pub mod disturbance;
 mod document;
 mod schema;
 mod schema_check;
 
+pub use disturbance::Disturbance;
 pub(crate) use document::to_table;
 pub use document::{Explained, Origin, Override, ScenarioError, ScenarioFile};
 pub use schema::json_schema;
@@ -71,6 +73,10 @@ pub struct Scenario {
     /// Imperfections of the sensors.
     #[serde(default)]
     pub noise: SensorParams,
+    /// Pushes, moments, slopes, gusts, slippery ground and faults, on the simulated truth only.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 1000))]
+    pub disturbance: Vec<Disturbance>,
     /// Duration and seed.
     #[serde(default)]
     pub run: RunSection,

@@ -86,6 +86,9 @@ impl<'a> Walker<'a> {
     }
 
     fn any_of(&mut self, choices: &'a [Json], value: &Toml) -> Checked {
+        if let Some(tag) = self.tag_of(choices) {
+            return self.tagged(&tag, choices, value);
+        }
         // A string enumeration is a list of constants; name them all.
         let constants: Vec<&str> = choices
             .iter()
@@ -134,6 +137,84 @@ impl<'a> Walker<'a> {
             return Ok(());
         }
         first.map_or(Ok(()), Err)
+    }
+
+    /// The key that tells the choices apart: a constant, and another one, in each of them.
+    fn tag_of(&self, choices: &'a [Json]) -> Option<String> {
+        let first = self.resolve(choices.first()?);
+        let (tag, _) = first
+            .get("properties")?
+            .as_object()?
+            .iter()
+            .find(|(_, property)| property.get("const").is_some())?;
+        choices
+            .iter()
+            .all(|choice| self.constant(choice, tag).is_some())
+            .then(|| tag.clone())
+    }
+
+    /// The constant that this choice has at `tag`.
+    fn constant(&self, choice: &'a Json, tag: &str) -> Option<&'a str> {
+        self.resolve(choice)
+            .get("properties")?
+            .get(tag)?
+            .get("const")?
+            .as_str()
+    }
+
+    /// One of several kinds of table, told apart by `tag`: what is wrong is told for the kind that was named.
+    fn tagged(&mut self, tag: &str, choices: &'a [Json], value: &Toml) -> Checked {
+        let names: Vec<&str> = choices
+            .iter()
+            .filter_map(|choice| self.constant(choice, tag))
+            .collect();
+        let Some(table) = value.as_table() else {
+            return self.fail(
+                format!("{} is {}", self.key(), describe(value)),
+                format!("it takes a table with the key `{tag}`"),
+            );
+        };
+        let Some(named) = table.get(tag) else {
+            return self.fail(
+                format!("{} has no `{tag}`", self.section()),
+                format!("add `{tag} = …`: it may be {}", quoted_list(&names)),
+            );
+        };
+        self.path.push(tag.to_owned());
+        self.one_of_names(names, named)?;
+        self.path.pop();
+        let chosen = choices
+            .iter()
+            .find(|choice| self.constant(choice, tag) == named.as_str());
+        let Some(chosen) = chosen else {
+            return Ok(());
+        };
+        let checked = self.table(self.resolve(chosen), table);
+        checked.map_err(|violation| self.known_elsewhere(violation, tag, choices))
+    }
+
+    /// An unknown key that another kind knows is told so.
+    fn known_elsewhere(&self, violation: Violation, tag: &str, choices: &'a [Json]) -> Violation {
+        let (true, Some(key)) = (violation.at_key, violation.path.last()) else {
+            return violation;
+        };
+        let kinds: Vec<&str> = choices
+            .iter()
+            .filter(|choice| {
+                self.resolve(choice)
+                    .get("properties")
+                    .is_some_and(|known| known.get(key).is_some())
+            })
+            .filter_map(|choice| self.constant(choice, tag))
+            .collect();
+        if kinds.is_empty() {
+            return violation;
+        }
+        let help = format!("`{key}` belongs to {tag} = {}", quoted_list(&kinds));
+        Violation {
+            help: Some(help),
+            ..violation
+        }
     }
 
     fn one_of_names(&self, names: Vec<&str>, value: &Toml) -> Checked {
@@ -381,7 +462,7 @@ impl<'a> Walker<'a> {
 
 /// The unit a key's ending promises, for messages.
 fn unit_of(key: &str) -> &'static str {
-    const UNITS: [(&str, &str); 14] = [
+    const UNITS: [(&str, &str); 15] = [
         ("_per_m", " (1/m)"),
         ("_kgm2", " (kg m²)"),
         ("_mps2", " (m/s²)"),
@@ -390,6 +471,7 @@ fn unit_of(key: &str) -> &'static str {
         ("_deg", " (degrees)"),
         ("_rad", " (radians)"),
         ("_nm", " (N m)"),
+        ("_ns", " (N s)"),
         ("_hz", " (Hz)"),
         ("_per_s", " (1/s)"),
         ("_kg", " (kg)"),

@@ -3,6 +3,7 @@
 //! After [`Setup::resolve`] nothing is optional that the run needs and nothing is checked again.
 
 mod bike;
+mod disturbances;
 mod ends;
 mod laser;
 mod maps;
@@ -12,7 +13,7 @@ mod rates;
 use crate::clock::{Period, SimTime};
 use crate::outcome::Expect;
 use crate::record::RecordOptions;
-use crate::scenario::{PlantModel, Scenario, ScenarioError, ScenarioFile};
+use crate::scenario::{Disturbance, PlantModel, Scenario, ScenarioError, ScenarioFile};
 use bikebot_control::{BalanceParams, FollowParams, FollowedPath};
 use bikebot_dynamics::{BalancerMode, BikeParams, BikeState, LaserParams, SensorParams};
 use bikebot_geometry::CurvePath;
@@ -120,6 +121,8 @@ pub struct Setup {
     pub laser: LaserParams,
     /// Sensors.
     pub noise: SensorParams,
+    /// What the world does to the true bike, and what breaks on it.
+    pub disturbances: Vec<Disturbance>,
     /// Which model moves the bike.
     pub plant: PlantModel,
     /// Integration step.
@@ -193,6 +196,7 @@ impl Resolver<'_> {
                 ));
             }
         }
+        let disturbances = self.disturbances(&path)?;
         let goal = self.goal(&field, &path)?;
         let (footprint, planning_footprint) = self.footprints()?;
         let (true_bike, mode_changes) = self.bike()?;
@@ -219,6 +223,7 @@ impl Resolver<'_> {
             balance: scenario.balance.clone(),
             laser,
             noise: scenario.noise,
+            disturbances,
             plant: scenario.plant.model,
             step,
             control,
