@@ -30,6 +30,8 @@ pub mod kinematic;
 pub mod laser;
 pub mod params;
 pub mod plant;
+#[cfg(feature = "rapier")]
+pub mod rigid;
 pub mod sensor;
 pub mod two_link;
 pub mod whipple;
