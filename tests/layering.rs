@@ -42,6 +42,7 @@ const ALLOWED: [(&str, &[&str]); 9] = [
             "bikebot-geometry",
             "bikebot-world",
             "nalgebra",
+            "rapier3d-f64",
             "rand",
             "rand_chacha",
             "serde",
@@ -169,27 +170,43 @@ fn every_crate_is_in_the_drawing() {
     }
 }
 
-/// Third-party names that must stay behind one file.
-#[test]
-fn parry_is_named_in_one_file_only() {
-    fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
+/// Source files under `crates/` that contain `name`.
+fn naming(name: &str) -> Vec<PathBuf> {
+    fn walk(folder: &Path, name: &str, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).expect("a source folder") {
             let path = entry.expect("an entry").path();
             if path.is_dir() {
-                walk(&path, found);
+                walk(&path, name, found);
             } else if path.extension().is_some_and(|ending| ending == "rs") {
                 let text = std::fs::read_to_string(&path).expect("source text");
-                if text.contains("parry2d_f64") {
+                if text.contains(name) {
                     found.push(path);
                 }
             }
         }
     }
     let mut found = Vec::new();
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    walk(&root.join("crates"), &mut found);
+    walk(
+        &Path::new(env!("CARGO_MANIFEST_DIR")).join("crates"),
+        name,
+        &mut found,
+    );
+    found
+}
+
+#[test]
+fn parry_is_named_in_one_file_only() {
+    let mut found = naming("parry2d_f64");
     // The file and its own tests.
-    let query = root.join("crates/world/src/query");
+    let query = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/world/src/query");
     found.retain(|path| !path.starts_with(&query) && *path != query.with_extension("rs"));
+    assert_eq!(found, Vec::<PathBuf>::new());
+}
+
+#[test]
+fn rapier_is_named_in_one_folder_only() {
+    let mut found = naming("rapier3d_f64");
+    let rigid = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/dynamics/src/rigid");
+    found.retain(|path| !path.starts_with(&rigid));
     assert_eq!(found, Vec::<PathBuf>::new());
 }

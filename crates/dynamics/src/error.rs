@@ -32,14 +32,12 @@ pub enum DynamicsError {
         /// `I1z`, kg m².
         z: f64,
     },
-    /// Wheels and fork of a steering geometry that together exceed link 1, so that no frame is left.
+    /// Wheels and fork that together exceed link 1, so that no frame is left.
     #[error(
-        "the {geometry} wheels and fork leave a frame of {mass} kg with a least moment of inertia of \
-         {least_moment} kg m²; both must be above 0: link 1 is too light or too slender for them"
+        "wheels and fork leave a frame of {mass} kg with a least moment of inertia of {least_moment} kg m², \
+         and both must be above 0: link 1 is too light or too slender for them"
     )]
     NothingLeftForTheFrame {
-        /// `"matched"` or `"realistic"`.
-        geometry: &'static str,
         /// kg.
         mass: f64,
         /// Least principal moment of inertia, kg m².

@@ -10,6 +10,7 @@
 //! | [`bike`] | the simplified 3D bike: plane motion, steering, roll, balancer |
 //! | [`contact`] | tyre forces and wheel loads of the simplified bike |
 //! | [`kinematic`] | plane motion without slip, nothing else |
+//! | [`rigid`] | the same bike as rigid bodies on wheel contact (feature `rapier`, on by default) |
 //! | [`actuator`] | every limit and every lag, in one place |
 //! | [`sensor`] | what the bike believes of its own state |
 //! | [`laser`] | beams cast through a world |

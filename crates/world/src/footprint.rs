@@ -270,6 +270,15 @@ impl Footprint {
         }
     }
 
+    /// The footprint in its body frame as convex parts: vertices (m; one, two, or more and then
+    /// counter-clockwise) and the radius (m) about each. Together they are the footprint exactly.
+    #[must_use]
+    pub fn convex_parts(&self) -> Vec<(Vec<Point2>, f64)> {
+        self.cores(&Pose2::new(0.0, 0.0, 0.0))
+            .map(|core| (core.vertices().to_vec(), core.radius))
+            .collect()
+    }
+
     /// The footprint at a pose as convex cores with a radius about each, in the world frame: one, or the convex parts of a
     /// polygon.
     pub(crate) fn cores(&self, pose: &Pose2) -> impl Iterator<Item = Core> {

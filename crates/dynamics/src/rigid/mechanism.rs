@@ -12,12 +12,12 @@
 //! matrix, and the torque that drives it at the wanted rate. Both act between two links of the same mechanism,
 //! so they leave its momentum alone, and being implicit they may be as stiff as one likes.
 
-use nalgebra::{Matrix3, Unit, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, SymmetricEigen, Unit, UnitQuaternion, Vector2, Vector3};
 use rapier3d_f64::prelude as rapier;
 use rapier3d_f64::prelude::{
     ColliderBuilder, ColliderHandle, Group, InteractionGroups, InteractionTestMode, MassProperties,
-    MultibodyIndex, PhysicsWorld, PrismaticJointBuilder, RevoluteJointBuilder, RigidBodyBuilder,
-    RigidBodyHandle,
+    Multibody, MultibodyIndex, PhysicsWorld, PrismaticJointBuilder, RevoluteJointBuilder,
+    RigidBodyBuilder, RigidBodyHandle,
 };
 
 use super::parts::{BicycleParts, Part};
@@ -26,8 +26,14 @@ use super::parts::{BicycleParts, Part};
 const HALF_TREAD: f64 = 1e-6;
 /// Share of the balancer's mass in the arm that the rest slides along: a link cannot weigh nothing.
 const ARM_SHARE: f64 = 1e-6;
-/// Time in which a held joint takes on its rate, s: well below a step.
-const SERVO_TIME: f64 = 1e-4;
+/// Time in which a held joint takes on its rate, s. Short, so that the balancer's weight does not press its offset
+/// in by more than 10 µm/s: the offset's rate times the balancer's acts as a moment.
+const SERVO_TIME: f64 = 1e-6;
+
+/// Stiffness of the springs that carry joint torques, N m/rad and N/m: over a step it changes nothing.
+const SPRING: f64 = 1e-3;
+/// Steps in which the solver finds the wheels' loads.
+const WARM_UP: usize = 6;
 
 /// Who meets whom: wheels roll on the ground, the hull meets obstacles, nothing else.
 const GROUND: Group = Group::GROUP_1;
@@ -82,6 +88,8 @@ pub struct Placement {
     pub balancer: f64,
     /// Offset of the balancer's centre of gravity along its arm, m.
     pub offset: f64,
+    /// m/s.
+    pub offset_rate: f64,
     /// Speed of the rear contact along the heading, m/s.
     pub speed: f64,
     /// rad/s.
@@ -105,6 +113,7 @@ impl Placement {
             steer: 0.0,
             balancer: 0.0,
             offset: 0.0,
+            offset_rate: 0.0,
             speed,
             roll_rate: 0.0,
             yaw_rate: 0.0,
@@ -146,14 +155,19 @@ pub struct TyreForce {
     pub up: f64,
 }
 
+/// One joint coordinate: its link, its place among the generalised velocities, and which of the joint's six it is.
 struct Coordinate {
     link: usize,
     index: usize,
+    axis: usize,
 }
 
+/// Of a joint's six coordinates, the slide along its axis …
+const SLIDE: usize = 0;
+/// … and the turn about it.
+const TURN: usize = 3;
+
 struct Balancer {
-    arm: RigidBodyHandle,
-    mass: RigidBodyHandle,
     turn: Coordinate,
     shift: Coordinate,
     moment: f64,
@@ -200,20 +214,26 @@ fn from_rapier(v: rapier::Vector) -> Vector3<f64> {
 }
 
 fn link(part: &Part) -> RigidBodyBuilder {
-    let i: Matrix3<f64> = part.inertia;
-    let matrix = rapier::Matrix::from_cols(
-        rapier::Vector::new(i[(0, 0)], i[(1, 0)], i[(2, 0)]),
-        rapier::Vector::new(i[(0, 1)], i[(1, 1)], i[(2, 1)]),
-        rapier::Vector::new(i[(0, 2)], i[(1, 2)], i[(2, 2)]),
-    );
+    // Principal axes by our own means: Rapier's swap two of them where two moments are equal.
+    let principal = SymmetricEigen::new(part.inertia);
+    let mut axes = principal.eigenvectors;
+    if axes.determinant() < 0.0 {
+        axes.column_mut(0).neg_mut();
+    }
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
     RigidBodyBuilder::dynamic()
         .translation(to_rapier(&part.centre))
         .can_sleep(false)
-        .additional_mass_properties(MassProperties::with_inertia_matrix(
+        .additional_mass_properties(MassProperties::with_principal_inertia_frame(
             rapier::Vector::ZERO,
             part.mass,
-            matrix,
+            to_rapier(&principal.eigenvalues),
+            rotation(&turn),
         ))
+}
+
+fn rotation(turn: &UnitQuaternion<f64>) -> rapier::Rotation {
+    rapier::Rotation::from_xyzw(turn.i, turn.j, turn.k, turn.w)
 }
 
 impl Mechanism {
@@ -322,7 +342,7 @@ impl Mechanism {
             .rigid_body_link(frame)
             .expect("the frame was just joined to its wheels")
             .multibody;
-        let coordinate = |body: RigidBodyHandle| {
+        let coordinate = |body: RigidBodyHandle, axis: usize| {
             let id = world
                 .multibody_joints
                 .rigid_body_link(body)
@@ -334,18 +354,20 @@ impl Mechanism {
                 .and_then(|whole| whole.link(id))
                 .expect("a link of the mechanism")
                 .assembly_id();
-            Coordinate { link: id, index }
+            Coordinate {
+                link: id,
+                index,
+                axis,
+            }
         };
         let (rear_spin, steer, front_spin) = (
-            coordinate(rear_wheel),
-            coordinate(fork),
-            coordinate(front_wheel),
+            coordinate(rear_wheel, TURN),
+            coordinate(fork, TURN),
+            coordinate(front_wheel, TURN),
         );
         let balancer = balancer.map(|(arm, mass, moment, weight)| Balancer {
-            arm,
-            mass,
-            turn: coordinate(arm),
-            shift: coordinate(mass),
+            turn: coordinate(arm, TURN),
+            shift: coordinate(mass, SLIDE),
             moment,
             weight,
         });
@@ -373,12 +395,25 @@ impl Mechanism {
             steer_torque: 0.0,
         };
         mechanism.place(placement);
+        // The solver finds the loads of the wheels within a few steps and starts from them ever after: without
+        // this the bicycle would drop for half a millisecond.
+        for _ in 0..WARM_UP {
+            mechanism.step(&Loads {
+                gravity: -Vector3::z() * crate::constants::GRAVITY,
+                force: Vector3::zeros(),
+                moment: Vector3::zeros(),
+                wheel: 0.0,
+                steering: Drive::Rate(0.0),
+                balancer: Drive::Torque(0.0),
+                shift: placement.offset_rate,
+            });
+        }
+        mechanism.place(placement);
         mechanism
     }
 
     /// Puts the bicycle down, both wheels on the ground, moving without slip.
     fn place(&mut self, at: &Placement) {
-        use nalgebra::Rotation3;
         let parts = self.parts;
         let rear_centre = Vector3::new(0.0, 0.0, parts.rear_wheel.radius);
         let front_centre = Vector3::new(parts.wheelbase, 0.0, parts.front_wheel.radius);
@@ -417,10 +452,9 @@ impl Mechanism {
         let front_speed =
             (contact_velocity + spin.cross(&(front_contact - contact))).dot(&front_line);
 
-        let quaternion = nalgebra::UnitQuaternion::from_rotation_matrix(&turn);
         let pose = rapier::Pose::from_parts(
             to_rapier(&centre),
-            rapier::Rotation::from_xyzw(quaternion.i, quaternion.j, quaternion.k, quaternion.w),
+            rotation(&UnitQuaternion::from_rotation_matrix(&turn)),
         );
         let PhysicsWorld {
             bodies,
@@ -440,7 +474,12 @@ impl Mechanism {
         // Read the frame's pose, and let Rapier count its coordinates.
         multibody.forward_kinematics(bodies, true);
         let mut displacement = vec![0.0; multibody.ndofs()];
-        displacement[self.steer.index] = at.steer;
+        let coordinate = |of: &Coordinate| {
+            multibody
+                .link(of.link)
+                .map_or(0.0, |link| link.joint().coords()[of.axis])
+        };
+        displacement[self.steer.index] = at.steer - coordinate(&self.steer);
         let mut rates = vec![0.0; multibody.ndofs()];
         rates[..3].copy_from_slice(velocity.as_slice());
         rates[3..6].copy_from_slice(spin.as_slice());
@@ -448,66 +487,46 @@ impl Mechanism {
         rates[self.front_spin.index] = front_speed / parts.front_wheel.radius;
         rates[self.steer.index] = at.steer_rate;
         if let Some(balancer) = &self.balancer {
-            displacement[balancer.turn.index] = at.balancer;
-            displacement[balancer.shift.index] = at.offset;
+            displacement[balancer.turn.index] = at.balancer - coordinate(&balancer.turn);
+            displacement[balancer.shift.index] = at.offset - coordinate(&balancer.shift);
             rates[balancer.turn.index] = at.balancer_rate;
+            rates[balancer.shift.index] = at.offset_rate;
         }
         multibody.apply_displacements(&displacement);
-        multibody
-            .generalized_velocity_mut()
-            .copy_from_slice(&rates);
+        multibody.generalized_velocity_mut().copy_from_slice(&rates);
         multibody.forward_kinematics(bodies, false);
-        multibody.update_rigid_bodies(bodies, true);
+        // One by one, so that Rapier moves their colliders along.
+        for link in multibody.links() {
+            bodies[link.rigid_body_handle()].set_position(*link.local_to_world(), true);
+        }
     }
 
     /// Moves the bicycle on by one step.
     pub fn step(&mut self, loads: &Loads) {
         self.world.gravity = to_rapier(&loads.gravity);
-        let axis = self.axis(self.frame, &self.parts.steering_axis());
-        let axle = self.axis(self.frame, &Vector3::y());
-        let roll_axis = self.axis(self.frame, &Vector3::x());
+        let frame = &mut self.world.bodies[self.frame];
+        frame.reset_torques(true);
+        frame.add_torque(to_rapier(&loads.moment), true);
+        frame.reset_forces(true);
+        frame.add_force(to_rapier(&loads.force), true);
 
-        let damping = self.steer_inertia / SERVO_TIME;
-        let (steer_torque, steer_damping) = driven(loads.steering, damping);
-        let mut torques = [
-            (self.frame, loads.moment - axle * loads.wheel - axis * steer_torque),
-            (self.rear_wheel, axle * loads.wheel),
-            (self.fork, axis * steer_torque),
-        ];
-        let mut damped = vec![(self.steer.index, steer_damping)];
-        let bodies = &mut self.world.bodies;
-        let mut forces = [(self.frame, loads.force); 1].to_vec();
-        if let Some(balancer) = &self.balancer {
-            let (torque, damping) = driven(loads.balancer, balancer.moment / SERVO_TIME);
-            torques[0].1 -= roll_axis * torque;
-            damped.push((balancer.turn.index, damping));
-            let damping = balancer.weight / SERVO_TIME;
-            damped.push((balancer.shift.index, damping));
-            let arm = from_rapier(bodies[balancer.arm].rotation() * rapier::Vector::Z);
-            let force = arm * (damping * loads.shift);
-            forces.push((balancer.mass, force));
-            forces.push((balancer.arm, -force));
-            let body = &mut bodies[balancer.arm];
-            body.reset_torques(true);
-            body.add_torque(to_rapier(&(roll_axis * torque)), true);
-        }
-        for (body, torque) in torques {
-            let body = &mut bodies[body];
-            body.reset_torques(true);
-            body.add_torque(to_rapier(&torque), true);
-        }
-        for (body, force) in forces {
-            let body = &mut bodies[body];
-            body.reset_forces(true);
-            body.add_force(to_rapier(&force), true);
-        }
-        if let Some(multibody) = self.world.multibody_joints.get_multibody_mut(self.multibody) {
-            for (index, damping) in damped {
-                multibody.damping_mut()[index] = damping;
+        let steering = driven(loads.steering, self.steer_inertia / SERVO_TIME);
+        if let Some(multibody) = self
+            .world
+            .multibody_joints
+            .get_multibody_mut(self.multibody)
+        {
+            drive(multibody, &self.rear_spin, (loads.wheel, 0.0));
+            drive(multibody, &self.steer, steering);
+            if let Some(balancer) = &self.balancer {
+                let turn = driven(loads.balancer, balancer.moment / SERVO_TIME);
+                drive(multibody, &balancer.turn, turn);
+                let shift = driven(Drive::Rate(loads.shift), balancer.weight / SERVO_TIME);
+                drive(multibody, &balancer.shift, shift);
             }
         }
         self.world.step();
-        self.steer_torque = steer_torque - steer_damping * self.steer_rate();
+        self.steer_torque = steering.0 - steering.1 * self.steer_rate();
     }
 
     fn axis(&self, body: RigidBodyHandle, local: &Vector3<f64>) -> Vector3<f64> {
@@ -523,13 +542,12 @@ impl Mechanism {
             })
     }
 
-    /// Coordinate of a joint along `axis` of its six: 2 slides along z, 3 turns about its axis.
-    fn position(&self, coordinate: &Coordinate, axis: usize) -> f64 {
+    fn position(&self, coordinate: &Coordinate) -> f64 {
         self.world
             .multibody_joints
             .get_multibody(self.multibody)
             .and_then(|whole| whole.link(coordinate.link))
-            .map_or(f64::NAN, |link| link.joint().coords()[axis])
+            .map_or(f64::NAN, |link| link.joint().coords()[coordinate.axis])
     }
 
     /// What the bicycle is made of.
@@ -550,7 +568,7 @@ impl Mechanism {
     /// Handlebar angle `δ`, rad, positive to the left.
     #[must_use]
     pub fn steer(&self) -> f64 {
-        self.position(&self.steer, 3)
+        self.position(&self.steer)
     }
 
     /// Handlebar rate, rad/s.
@@ -570,7 +588,7 @@ impl Mechanism {
     pub fn balancer(&self) -> f64 {
         self.balancer
             .as_ref()
-            .map_or(0.0, |balancer| self.position(&balancer.turn, 3))
+            .map_or(0.0, |balancer| self.position(&balancer.turn))
     }
 
     /// Balancer rate, rad/s.
@@ -586,7 +604,7 @@ impl Mechanism {
     pub fn offset(&self) -> f64 {
         self.balancer
             .as_ref()
-            .map_or(0.0, |balancer| self.position(&balancer.shift, 2))
+            .map_or(0.0, |balancer| self.position(&balancer.shift))
     }
 
     /// Where the rear wheel's plane is and how it moves.
@@ -673,6 +691,54 @@ impl Mechanism {
         }
     }
 
+    /// Speeds (m/s) at which the rear and the front tyre's lowest points move over the ground.
+    #[must_use]
+    pub fn sliding_speeds(&self) -> (f64, f64) {
+        let sliding = |wheel: RigidBodyHandle, holder: RigidBodyHandle, radius: f64| {
+            let body = &self.world.bodies[wheel];
+            let axle = self.axis(holder, &Vector3::y());
+            let up = (Vector3::z() - axle * axle.z).normalize();
+            let velocity =
+                from_rapier(body.linvel()) - from_rapier(body.angvel()).cross(&(up * radius));
+            velocity.xy().norm()
+        };
+        (
+            sliding(self.rear_wheel, self.frame, self.parts.rear_wheel.radius),
+            sliding(self.front_wheel, self.fork, self.parts.front_wheel.radius),
+        )
+    }
+
+    /// Puts the world's obstacles around the bicycle, and the footprint's hull on its frame.
+    pub fn surround(&mut self, world: &bikebot_world::World, footprint: &bikebot_world::Footprint) {
+        for obstacle in super::obstacles::colliders(world) {
+            self.world
+                .colliders
+                .insert(obstacle.collision_groups(groups(OBSTACLE, HULL)));
+        }
+        for part in super::obstacles::hull(footprint, &self.parts.frame.centre) {
+            let collider = self.world.colliders.insert_with_parent(
+                part.density(0.0).collision_groups(groups(HULL, OBSTACLE)),
+                self.frame,
+                &mut self.world.bodies,
+            );
+            self.hull.push(collider);
+        }
+    }
+
+    /// Whether the hull overlaps an obstacle.
+    #[must_use]
+    pub fn touches_an_obstacle(&self) -> bool {
+        self.hull.iter().any(|part| {
+            self.world
+                .narrow_phase
+                .contact_pairs_with(*part)
+                .filter_map(|pair| pair.rigid())
+                .flat_map(|contacts| &contacts.manifolds)
+                .flat_map(|manifold| &manifold.points)
+                .any(|point| point.dist < 0.0)
+        })
+    }
+
     /// Kinetic plus potential energy, J, above the ground.
     #[must_use]
     pub fn energy(&self, gravity: &Vector3<f64>) -> f64 {
@@ -684,8 +750,7 @@ impl Mechanism {
                 let mass = body.mass();
                 let inertia = body.mass_properties().effective_angular_inertia();
                 let spin = body.angvel();
-                0.5 * mass * body.linvel().length_squared()
-                    + 0.5 * spin.dot(inertia * spin)
+                0.5 * mass * body.linvel().length_squared() + 0.5 * spin.dot(inertia * spin)
                     - mass * gravity.dot(&from_rapier(body.translation()))
             })
             .sum()
@@ -697,5 +762,17 @@ fn driven(drive: Drive, damping: f64) -> (f64, f64) {
     match drive {
         Drive::Torque(torque) => (torque, 0.0),
         Drive::Rate(rate) => (damping * rate, damping),
+    }
+}
+
+/// Lets a torque (or force) and a damping act on one joint coordinate until further notice.
+///
+/// Rapier knows torques on bodies only, fixed in the world while the joint's axis turns during a step: enough
+/// to spoil a stiff servo. A soft spring with a far rest acts on the coordinate itself.
+fn drive(multibody: &mut Multibody, at: &Coordinate, (torque, damping): (f64, f64)) {
+    multibody.damping_mut()[at.index] = damping;
+    if let Some(link) = multibody.link_mut(at.link) {
+        let rest = link.joint.coords()[at.axis] + torque / SPRING;
+        link.joint.set_spring(at.axis, SPRING, rest);
     }
 }

@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::error::DynamicsError;
 use crate::params::BikeParams;
+use crate::whipple::{FrameBody, SteeringAssembly, WheelBody, WheelInertia, WhippleParams};
 
 /// A rigid body: how heavy, where, and how spread out.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,14 +55,28 @@ impl Part {
             .collect();
         Self::joined(&holes)
     }
+}
 
-    fn ball(mass: f64, centre: Vector3<f64>, gyration: f64) -> Self {
+/// From the signs of the Whipple bicycle, whose z points down.
+impl From<&FrameBody> for Part {
+    fn from(body: &FrameBody) -> Self {
         Self {
-            mass,
-            centre,
-            inertia: Matrix3::identity() * (mass * gyration * gyration),
+            mass: body.mass,
+            centre: Vector3::new(body.x, 0.0, -body.z),
+            inertia: tensor(body.ixx, body.iyy, body.izz, body.ixz),
         }
     }
+}
+
+/// Inertia tensor of a body symmetric about the plane of the bicycle, from its moments and `∫ x z dm`, z up.
+fn tensor(xx: f64, yy: f64, zz: f64, product: f64) -> Matrix3<f64> {
+    #[rustfmt::skip]
+    let tensor = Matrix3::new(
+        xx, 0.0, -product,
+        0.0, yy, 0.0,
+        -product, 0.0, zz,
+    );
+    tensor
 }
 
 /// A wheel with a knife edge.
@@ -78,18 +93,6 @@ pub struct Wheel {
 }
 
 impl Wheel {
-    /// A hoop of this mass (kg) and `radius` (m) whose mass sits at `gyration` times the radius.
-    #[must_use]
-    pub fn hoop(mass: f64, radius: f64, gyration: f64) -> Self {
-        let axial = mass * (gyration * radius).powi(2);
-        Self {
-            mass,
-            radius,
-            across: 0.5 * axial,
-            axial,
-        }
-    }
-
     /// The wheel as a body standing on the ground at `x` (m).
     #[must_use]
     pub fn at(&self, x: f64) -> Part {
@@ -97,6 +100,17 @@ impl Wheel {
             mass: self.mass,
             centre: Vector3::new(x, 0.0, self.radius),
             inertia: Matrix3::from_diagonal(&Vector3::new(self.across, self.axial, self.across)),
+        }
+    }
+}
+
+impl From<&WheelBody> for Wheel {
+    fn from(body: &WheelBody) -> Self {
+        Self {
+            mass: body.mass,
+            radius: body.radius,
+            across: body.ixx,
+            axial: body.iyy,
         }
     }
 }
@@ -133,7 +147,7 @@ pub enum SteeringGeometry {
     #[default]
     Matched,
     /// An electric bicycle's: 70° head angle, 60 mm trail, a hub motor in the rear wheel, rims and a fork that
-    /// weigh what they weigh.
+    /// weigh what they weigh ([`SteeringAssembly::e_bike`]).
     Realistic,
 }
 
@@ -169,82 +183,75 @@ pub struct BicycleParts {
     pub balancer: Option<BalancerPart>,
 }
 
-/// Shares of link 1's mass in the realistic geometry: of 38 kg a rear wheel with hub motor of 4.6 kg, a front
-/// wheel of 2.0 kg, and 3.8 kg of fork, stem and handlebar.
-const REAR_WHEEL_SHARE: f64 = 0.12;
-const FRONT_WHEEL_SHARE: f64 = 0.053;
-const FORK_SHARE: f64 = 0.10;
-/// Radii of gyration about the axle over the wheel radius: the hub motor sits near the axle, a rim does not.
-const REAR_GYRATION: f64 = 0.55;
-const FRONT_GYRATION: f64 = 0.82;
 /// Share of link 1 given to each wheel and to the fork where they should weigh nothing: a multibody link needs
 /// some mass, and a wheel's spin adds its inertia to the mass that the drive accelerates (0.1 % here).
-const LIGHT_SHARE: f64 = 5e-4;
+const LIGHT_SHARE: f64 = 5e-3;
+
+impl SteeringGeometry {
+    /// Trail, axis, wheels and fork of this geometry for a bike.
+    #[must_use]
+    pub fn assembly(self, params: &BikeParams) -> SteeringAssembly {
+        match self {
+            Self::Realistic => SteeringAssembly::e_bike(),
+            Self::Matched => {
+                let mass = LIGHT_SHARE * params.m1;
+                let square = mass * params.wheel_radius.powi(2);
+                let wheel = WheelInertia {
+                    mass,
+                    ixx: 0.5 * square,
+                    iyy: square,
+                };
+                SteeringAssembly {
+                    trail: 0.0,
+                    tilt: 0.0,
+                    rear_wheel: wheel,
+                    front_wheel: wheel,
+                    fork: FrameBody {
+                        x: 0.0,
+                        z: -params.wheel_radius,
+                        mass,
+                        ixx: 0.1 * square,
+                        iyy: 0.1 * square,
+                        izz: 0.1 * square,
+                        ixz: 0.0,
+                    },
+                }
+            }
+        }
+    }
+}
 
 impl BicycleParts {
-    /// The bike robot with steering geometry `geometry`. Frame, fork and wheels together have exactly the mass,
-    /// centre of gravity and inertia of the parameters' link 1.
+    /// The bike robot with wheels, fork and steering axis of `assembly`. Frame, fork and wheels together have
+    /// exactly the mass, centre of gravity and inertia of the parameters' link 1.
     ///
     /// # Errors
     ///
     /// [`DynamicsError::NothingLeftForTheFrame`] where wheels and fork alone would exceed link 1.
-    pub fn robot(params: &BikeParams, geometry: SteeringGeometry) -> Result<Self, DynamicsError> {
+    pub fn robot(params: &BikeParams, assembly: &SteeringAssembly) -> Result<Self, DynamicsError> {
         let BikeParams { m1, wheelbase, .. } = *params;
-        let radius = params.wheel_radius;
         let link = Part {
             mass: m1,
             centre: Vector3::new(params.x1, 0.0, params.h1),
-            inertia: Matrix3::new(
-                params.i1x,
-                0.0,
-                -params.i1xz,
-                0.0,
-                params.i1y,
-                0.0,
-                -params.i1xz,
-                0.0,
-                params.i1z,
-            ),
+            inertia: tensor(params.i1x, params.i1y, params.i1z, params.i1xz),
         };
-        let (rear_wheel, front_wheel, trail, tilt, fork) = match geometry {
-            SteeringGeometry::Matched => {
-                let light = Wheel::hoop(LIGHT_SHARE * m1, radius, 1.0);
-                let centre = Vector3::new(wheelbase, 0.0, radius);
-                let fork = Part::ball(LIGHT_SHARE * m1, centre, 0.3 * radius);
-                (light, light, 0.0, 0.0, fork)
-            }
-            SteeringGeometry::Realistic => {
-                // Trail and the fork's centre scale with the wheel: 60 mm, 0.69 m for 26 inches.
-                let (trail, tilt) = (radius * 0.06 / 0.33, 20f64.to_radians());
-                let height = 2.1 * radius;
-                let axis = wheelbase + trail - height * tilt.tan();
-                let mass = FORK_SHARE * m1;
-                // A slender body along the steering axis.
-                let up = Vector3::new(-tilt.sin(), 0.0, tilt.cos());
-                let (across, along) = (0.36 * radius, 0.13 * radius);
-                let inertia = Matrix3::identity() * (mass * across * across)
-                    - up * up.transpose() * (mass * (across * across - along * along));
-                let fork = Part {
-                    mass,
-                    centre: Vector3::new(axis + 0.075 * radius, 0.0, height),
-                    inertia,
-                };
-                (
-                    Wheel::hoop(REAR_WHEEL_SHARE * m1, radius, REAR_GYRATION),
-                    Wheel::hoop(FRONT_WHEEL_SHARE * m1, radius, FRONT_GYRATION),
-                    trail,
-                    tilt,
-                    fork,
-                )
-            }
+        let wheel = |inertia: &WheelInertia| Wheel {
+            mass: inertia.mass,
+            radius: params.wheel_radius,
+            across: inertia.ixx,
+            axial: inertia.iyy,
         };
+        let (rear_wheel, front_wheel) = (wheel(&assembly.rear_wheel), wheel(&assembly.front_wheel));
+        let fork = Part::from(&FrameBody {
+            x: wheelbase + assembly.fork.x,
+            ..assembly.fork
+        });
         let frame = link.without(&[rear_wheel.at(0.0), fork, front_wheel.at(wheelbase)]);
         let least = frame.inertia.symmetric_eigenvalues().min();
         // Written so that NaN is refused.
         let some = frame.mass > 0.0 && least > 0.0;
         if !some {
             return Err(DynamicsError::NothingLeftForTheFrame {
-                geometry: geometry.name(),
                 mass: frame.mass,
                 least_moment: least,
             });
@@ -255,8 +262,8 @@ impl BicycleParts {
             fork,
             front_wheel,
             wheelbase,
-            trail,
-            tilt,
+            trail: assembly.trail,
+            tilt: assembly.tilt,
             balancer: Some(BalancerPart {
                 mass: params.m2,
                 x: params.x2,
@@ -294,6 +301,22 @@ impl BicycleParts {
     }
 }
 
+/// An ordinary bicycle: no balancer.
+impl From<&WhippleParams> for BicycleParts {
+    fn from(params: &WhippleParams) -> Self {
+        Self {
+            frame: (&params.rear_frame).into(),
+            rear_wheel: (&params.rear_wheel).into(),
+            fork: (&params.front_frame).into(),
+            front_wheel: (&params.front_wheel).into(),
+            wheelbase: params.wheelbase,
+            trail: params.trail,
+            tilt: params.tilt,
+            balancer: None,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -306,7 +329,7 @@ mod tests {
                 ..BikeParams::default()
             };
             for geometry in [SteeringGeometry::Matched, SteeringGeometry::Realistic] {
-                let parts = BicycleParts::robot(&params, geometry).unwrap();
+                let parts = BicycleParts::robot(&params, &geometry.assembly(&params)).unwrap();
                 let link = parts.lumped();
                 // A dozen products of order ten: rounding only.
                 assert!((link.mass - params.m1).abs() < 1e-12);
@@ -322,7 +345,7 @@ mod tests {
 
     #[test]
     fn a_link_without_room_for_its_wheels_is_refused() {
-        // A hoop of 4.6 kg alone has more inertia than this body.
+        // A wheel of 5 kg alone has more inertia than this body.
         let thin = BikeParams {
             i1x: 0.05,
             i1y: 0.1,
@@ -331,8 +354,8 @@ mod tests {
         };
         assert_eq!(thin.check(), Ok(()));
         assert!(matches!(
-            BicycleParts::robot(&thin, SteeringGeometry::Realistic),
-            Err(DynamicsError::NothingLeftForTheFrame { geometry: "realistic", .. })
+            BicycleParts::robot(&thin, &SteeringAssembly::e_bike()),
+            Err(DynamicsError::NothingLeftForTheFrame { .. })
         ));
     }
 }

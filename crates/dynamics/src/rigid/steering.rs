@@ -24,13 +24,6 @@ impl FrontAxle {
         }
     }
 
-    /// Ground-projected steering angle `ψ` (rad) at handlebar angle `δ` (rad).
-    pub(crate) fn ground_angle(&self, handlebar: f64) -> f64 {
-        let (sin, cos) = handlebar.sin_cos();
-        let axle = self.a * cos + self.b * sin;
-        ground_line(&axle)
-    }
-
     /// The handlebar angle (rad) at which the wheel crosses the ground at `ground` (rad).
     pub(crate) fn handlebar(&self, ground: f64) -> f64 {
         let (sin, cos) = ground.sin_cos();
@@ -50,6 +43,11 @@ pub(crate) fn ground_line(axle: &Vector3<f64>) -> f64 {
 mod tests {
     use super::*;
 
+    /// Ground-projected angle at handlebar angle `δ`.
+    fn ground_angle(axle: &FrontAxle, handlebar: f64) -> f64 {
+        ground_line(&(axle.a * handlebar.cos() + axle.b * handlebar.sin()))
+    }
+
     #[test]
     fn on_a_vertical_axis_the_design_notes_formula_holds() {
         // ψ_h = atan(tan ψ cos α) for an axis fixed to the leaning frame.
@@ -59,7 +57,7 @@ mod tests {
                 let handlebar = axle.handlebar(ground);
                 let expected = (f64::tan(ground) * f64::cos(roll)).atan();
                 assert!((handlebar - expected).abs() < 1e-15, "{roll} {ground}");
-                assert!((axle.ground_angle(handlebar) - ground).abs() < 1e-14);
+                assert!((ground_angle(&axle, handlebar) - ground).abs() < 1e-14);
             }
         }
     }
@@ -75,7 +73,7 @@ mod tests {
         // And leaning, it still finds its way back.
         let leaning = FrontAxle::new(-0.2, 0.01, &axis);
         for ground in [-0.6, 0.0, 0.5] {
-            let back = leaning.ground_angle(leaning.handlebar(ground));
+            let back = ground_angle(&leaning, leaning.handlebar(ground));
             assert!((back - ground).abs() < 1e-14);
         }
     }

@@ -30,7 +30,7 @@ pub mod parameter_file;
 pub mod params;
 
 pub use critical::{CriticalSpeeds, SpeedRange};
-pub use from_bike::SteeringAssembly;
+pub use from_bike::{SteeringAssembly, WheelInertia};
 pub use linear::Whipple;
 pub use modes::{Mode, Modes};
 pub use parameter_file::{ParameterFile, ParameterFileError};

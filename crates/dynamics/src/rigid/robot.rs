@@ -1,0 +1,248 @@
+//! The bike robot on rigid bodies: from [`BikeInput`] to forces, and from bodies to [`BikeState`].
+
+use bikebot_geometry::Pose2;
+use bikebot_world::{Footprint, World};
+use nalgebra::{Vector2, Vector3};
+
+use super::mechanism::{Drive, Loads, Mechanism, Placement, RearMotion};
+use super::parts::BicycleParts;
+use super::steering::FrontAxle;
+use crate::bike::{BikeAcceleration, BikeInput, BikeState};
+use crate::constants::GRAVITY;
+use crate::contact::ContactForces;
+use crate::error::DynamicsError;
+use crate::params::{BikeParams, Offset};
+use crate::whipple::SteeringAssembly;
+
+/// How fast a wrong offset is corrected, 1/s.
+const SHIFT_GAIN: f64 = 20.0;
+/// Share of the friction cone from which on a tyre counts as sliding, together with a sliding speed: the solver
+/// keeps the force inside the cone, so that its share alone never exceeds one.
+const SLIDING_SHARE: f64 = 0.99;
+/// m/s.
+const SLIDING_SPEED: f64 = 0.02;
+
+/// How finely the rigid bodies are stepped.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigidStep {
+    /// Length of a step, s.
+    pub duration: f64,
+    /// Solver iterations in it, each with its own integration.
+    pub iterations: usize,
+}
+
+impl Default for RigidStep {
+    fn default() -> Self {
+        Self {
+            duration: 1e-3,
+            iterations: 4,
+        }
+    }
+}
+
+/// The bike robot in a Rapier world of its own. Unlike the other plants it owns its state.
+#[derive(Debug)]
+pub struct RigidBike {
+    mechanism: Mechanism,
+    axis: Vector3<f64>,
+    step: f64,
+    friction: (f64, f64),
+    /// Ground-projected steering angle the servo stands at, rad.
+    steer: f64,
+    motion: RearMotion,
+    state: BikeState,
+    acceleration: BikeAcceleration,
+    contact: ContactForces,
+}
+
+impl RigidBike {
+    /// The bike with wheels, fork and steering axis of `assembly`, put down in `state` with its balancer at
+    /// `offset`.
+    ///
+    /// # Errors
+    ///
+    /// [`DynamicsError::NothingLeftForTheFrame`] where wheels and fork exceed the parameters' link 1.
+    pub fn new(
+        params: &BikeParams,
+        assembly: &SteeringAssembly,
+        state: &BikeState,
+        offset: &Offset,
+        step: RigidStep,
+    ) -> Result<Self, DynamicsError> {
+        let parts = BicycleParts::robot(params, assembly)?;
+        let axis = parts.steering_axis();
+        let placement = Placement {
+            position: Vector2::new(state.pose.position.x, state.pose.position.y),
+            heading: state.pose.heading,
+            roll: state.roll,
+            steer: FrontAxle::new(state.roll, 0.0, &axis).handlebar(state.steer),
+            balancer: state.balancer,
+            offset: offset.d,
+            offset_rate: offset.rate,
+            speed: state.speed,
+            roll_rate: state.roll_rate,
+            yaw_rate: state.speed * state.steer.tan() / params.wheelbase,
+            steer_rate: 0.0,
+            balancer_rate: state.balancer_rate,
+        };
+        let mechanism = Mechanism::new(
+            &parts,
+            step.duration,
+            step.iterations,
+            params.friction,
+            &placement,
+        );
+        let motion = mechanism.rear();
+        Ok(Self {
+            axis,
+            step: step.duration,
+            friction: (params.friction, params.friction),
+            steer: state.steer,
+            motion,
+            state: *state,
+            acceleration: BikeAcceleration {
+                speed: 0.0,
+                yaw: 0.0,
+                roll: 0.0,
+                balancer: 0.0,
+            },
+            contact: ContactForces {
+                drive: 0.0,
+                rear_lateral: 0.0,
+                front_normal: 0.0,
+                rear_load: 0.0,
+                front_load: 0.0,
+            },
+            mechanism,
+        })
+    }
+
+    /// Puts the world's obstacles around the bike, and the footprint's hull on its frame.
+    pub fn surround(&mut self, world: &World, footprint: &Footprint) {
+        self.mechanism.surround(world, footprint);
+    }
+
+    /// Whether the hull touches an obstacle.
+    #[must_use]
+    pub fn touches_an_obstacle(&self) -> bool {
+        self.mechanism.touches_an_obstacle()
+    }
+
+    /// Moves the bike on by one step under a held input.
+    pub fn step(&mut self, input: &BikeInput) {
+        let (sin, cos) = self.motion.heading.sin_cos();
+        let ahead = Vector3::new(cos, sin, 0.0);
+        // The servo's target at the end of the step, seen from where the frame will lean then.
+        self.steer += input.steer_rate * self.step;
+        let roll = self.motion.roll + self.motion.roll_rate * self.step;
+        let target = FrontAxle::new(roll, self.motion.pitch, &self.axis).handlebar(self.steer);
+        let steer_rate = (target - self.mechanism.steer()) / self.step;
+        let shift = input.offset.rate + SHIFT_GAIN * (input.offset.d - self.mechanism.offset());
+        let mass = self.mechanism.parts().mass();
+        self.mechanism.step(&Loads {
+            gravity: ahead * (input.slope_force / mass) - Vector3::z() * GRAVITY,
+            force: Vector3::zeros(),
+            moment: ahead * input.roll_moment,
+            wheel: input.drive_force * self.mechanism.parts().rear_wheel.radius,
+            steering: Drive::Rate(steer_rate),
+            balancer: Drive::Torque(input.balancer_torque),
+            shift,
+        });
+        self.read();
+    }
+
+    fn read(&mut self) {
+        let motion = self.mechanism.rear();
+        let old = self.state;
+        let old_yaw = self.motion.yaw_rate;
+        let steer =
+            bikebot_geometry::angle::difference(self.mechanism.front_heading(), motion.heading);
+        self.state = BikeState {
+            pose: Pose2::new(motion.contact.x, motion.contact.y, motion.heading),
+            steer,
+            roll: motion.roll,
+            balancer: self.mechanism.balancer(),
+            speed: motion.speed,
+            roll_rate: motion.roll_rate,
+            balancer_rate: self.mechanism.balancer_rate(),
+        };
+        let per = 1.0 / self.step;
+        self.acceleration = BikeAcceleration {
+            speed: (self.state.speed - old.speed) * per,
+            yaw: (motion.yaw_rate - old_yaw) * per,
+            roll: (self.state.roll_rate - old.roll_rate) * per,
+            balancer: (self.state.balancer_rate - old.balancer_rate) * per,
+        };
+        let (rear, front) = (self.mechanism.rear_force(), self.mechanism.front_force());
+        let (sin, cos) = motion.heading.sin_cos();
+        let (front_sin, front_cos) = self.mechanism.front_heading().sin_cos();
+        self.contact = ContactForces {
+            drive: rear.along.dot(&Vector2::new(cos, sin)),
+            rear_lateral: rear.along.dot(&Vector2::new(-sin, cos)),
+            front_normal: front.along.dot(&Vector2::new(-front_sin, front_cos)),
+            rear_load: rear.up,
+            front_load: front.up,
+        };
+        self.motion = motion;
+    }
+
+    /// The state after the last step.
+    #[must_use]
+    pub fn state(&self) -> &BikeState {
+        &self.state
+    }
+
+    /// Yaw rate, rad/s.
+    #[must_use]
+    pub fn yaw_rate(&self) -> f64 {
+        self.motion.yaw_rate
+    }
+
+    /// Mean accelerations over the last step.
+    #[must_use]
+    pub fn accelerations(&self) -> BikeAcceleration {
+        self.acceleration
+    }
+
+    /// Mean forces of the ground on the tyres over the last step.
+    #[must_use]
+    pub fn contact_forces(&self) -> ContactForces {
+        self.contact
+    }
+
+    /// Offset of the balancer's centre of gravity, m.
+    #[must_use]
+    pub fn offset(&self) -> f64 {
+        self.mechanism.offset()
+    }
+
+    /// Whether a loaded tyre slides: its force fills the friction cone and its contact point moves over the
+    /// ground.
+    #[must_use]
+    pub fn slides(&self) -> bool {
+        let (rear, front) = self.mechanism.sliding_speeds();
+        let slides = |share: f64, speed: f64| share > SLIDING_SHARE && speed > SLIDING_SPEED;
+        (self.contact.rear_load > 0.0
+            && slides(self.contact.friction_use_rear(self.friction.0), rear))
+            || (self.contact.front_load > 0.0
+                && slides(self.contact.friction_use_front(self.friction.1), front))
+    }
+
+    /// Sets the friction coefficients under the rear and the front tyre.
+    pub fn set_friction(&mut self, rear: f64, front: f64) {
+        self.friction = (rear, front);
+        self.mechanism.set_friction(rear, front);
+    }
+
+    /// Kinetic plus potential energy, J, zero with every centre of gravity at ground height.
+    #[must_use]
+    pub fn energy(&self) -> f64 {
+        self.mechanism.energy(&(-Vector3::z() * GRAVITY))
+    }
+
+    /// The bodies.
+    #[must_use]
+    pub fn mechanism(&self) -> &Mechanism {
+        &self.mechanism
+    }
+}
