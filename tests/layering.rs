@@ -91,6 +91,7 @@ const ALLOWED: [(&str, &[&str]); 9] = [
             "bikebot-geometry",
             "bikebot-world",
             "bikebot-planner",
+            "bikebot-dynamics",
             "bikebot-sim",
             "resvg",
             "serde",

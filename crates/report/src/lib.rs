@@ -1,8 +1,9 @@
-//! Pictures of what others made: plans and rides, as SVG and PNG. Nothing is planned or ridden here.
+//! Pictures of what others made: plans, rides and eigenvalues, as SVG and PNG. Nothing is planned or ridden here.
 //!
 //! ```text
 //! plan.json ─▶ PlanFile ─▶ PlanFigure ┐
-//! recording ─▶ Ride ─────▶ RideFigure ┴▶ Drawing ─▶ svg::write ─▶ png::write
+//! recording ─▶ Ride ─────▶ RideFigure ┼▶ Drawing ─▶ svg::write ─▶ png::write
+//! Whipple ────▶ EigenvalueFigure ─────┘
 //! ```
 //!
 //! A [`Drawing`](drawing::Drawing) is a list of outlines and labels in pixels. The same drawing always gives the same
@@ -11,6 +12,7 @@
 
 pub mod axis;
 pub mod drawing;
+mod eigenvalue_figure;
 mod error;
 mod grid_outline;
 pub mod label;
@@ -23,6 +25,7 @@ mod ride_figure;
 mod scenery;
 pub mod svg;
 
+pub use eigenvalue_figure::EigenvalueFigure;
 pub use error::ReportError;
 pub use plan_figure::{PlanFigure, PlanStyle, PlanView};
 pub use plan_file::PlanFile;

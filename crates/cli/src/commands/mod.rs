@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod completions;
+pub mod eigenvalues;
 pub mod explain;
 pub mod info;
 pub mod init;

@@ -12,6 +12,7 @@
 //! so that both kinds of speed are roots of a formula, not of a search.
 
 use super::linear::{Whipple, mixed_determinant};
+use super::params::{Parameter, WhippleParams};
 use nalgebra::Complex;
 use serde::Serialize;
 
@@ -157,6 +158,41 @@ impl Whipple {
     }
 }
 
+impl CriticalSpeeds {
+    /// Standard deviations of weave and capsize speed, m/s, from those of the parameters (symbol, value) taken as
+    /// independent, to first order; `None` where there is no such speed.
+    #[must_use]
+    pub fn deviations(params: &WhippleParams, of: &[(&'static str, f64)]) -> [Option<f64>; 2] {
+        let mut variances = [Some(0.0), Some(0.0)];
+        let speeds = |params: &WhippleParams| {
+            // The slope is asked for next to a set that has been checked; a bound may lie in between.
+            let speeds = Whipple::unchecked(params).ok()?.critical_speeds();
+            Some([speeds.weave, speeds.capsize])
+        };
+        for (symbol, deviation) in of {
+            let Some(parameter) = Parameter::named(symbol) else {
+                continue;
+            };
+            let value = (parameter.get)(params);
+            // Far above rounding, far below the curvature of the speeds.
+            let step = 1e-5 * value.abs().max(*deviation);
+            let at = |value: f64| {
+                let mut moved = *params;
+                (parameter.set)(&mut moved, value);
+                speeds(&moved)
+            };
+            let (above, below) = (at(value + step), at(value - step));
+            for (i, variance) in variances.iter_mut().enumerate() {
+                let ends = above.zip(below).and_then(|(a, b)| a[i].zip(b[i]));
+                *variance = variance.zip(ends).map(|(variance, (above, below))| {
+                    variance + ((above - below) / (2.0 * step) * deviation).powi(2)
+                });
+            }
+        }
+        variances.map(|variance| variance.map(f64::sqrt))
+    }
+}
+
 /// The real roots of `q0 + q1 u + q2 u²`, without the cancellation of the school formula.
 fn roots([q0, q1, q2]: [f64; 3]) -> Vec<f64> {
     let discriminant = q1 * q1 - 4.0 * q2 * q0;
@@ -172,7 +208,6 @@ fn roots([q0, q1, q2]: [f64; 3]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::params::{Parameter, WhippleParams};
     use super::*;
 
     fn benchmark() -> Whipple {
@@ -252,6 +287,22 @@ mod tests {
         params.front_wheel.iyy = 0.0;
         let speeds = Whipple::new(&params).unwrap().critical_speeds();
         assert!(speeds.stable.is_empty(), "{speeds:?}");
+    }
+
+    #[test]
+    fn deviations_are_the_slope_times_the_deviation() {
+        let params = WhippleParams::benchmark();
+        let [weave, capsize] =
+            CriticalSpeeds::deviations(&params, &[("g", 0.01)]).map(Option::unwrap);
+        // Both speeds grow as √g.
+        let speeds = benchmark().critical_speeds();
+        assert!((weave - speeds.weave.unwrap() * 0.5 * 0.01 / 9.81).abs() < 1e-9);
+        assert!((capsize - speeds.capsize.unwrap() * 0.5 * 0.01 / 9.81).abs() < 1e-9);
+        // Independent ones add as squares.
+        let single = |symbol| CriticalSpeeds::deviations(&params, &[(symbol, 0.01)])[0].unwrap();
+        let [both, _] = CriticalSpeeds::deviations(&params, &[("c", 0.01), ("w", 0.01)]);
+        assert!((both.unwrap() - single("c").hypot(single("w"))).abs() < 1e-12);
+        assert_eq!(CriticalSpeeds::deviations(&params, &[]), [Some(0.0); 2]);
     }
 
     #[test]

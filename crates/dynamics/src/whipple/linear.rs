@@ -32,6 +32,11 @@ impl Whipple {
     /// without any inertia about the steering axis.
     pub fn new(params: &WhippleParams) -> Result<Self, DynamicsError> {
         params.check()?;
+        Self::unchecked(params)
+    }
+
+    /// The matrices of a set that has been checked, or of one a rounding away from it.
+    pub(super) fn unchecked(params: &WhippleParams) -> Result<Self, DynamicsError> {
         let WhippleParams {
             wheelbase: w,
             trail: c,

@@ -110,6 +110,53 @@ impl Whipple {
         Ok(found.into_iter().flatten().collect())
     }
 
+    /// The modes over a range of speeds (m/s) at `count` places and on both sides of each speed at which the weave
+    /// begins or ceases to oscillate: curves through them branch where the eigenvalues do.
+    ///
+    /// # Errors
+    ///
+    /// As [`modes`](Self::modes).
+    pub fn mode_curves(
+        &self,
+        from: f64,
+        to: f64,
+        count: usize,
+    ) -> Result<Vec<Modes>, DynamicsError> {
+        let last = count.max(2) - 1;
+        let speeds: Vec<f64> = (0..=last)
+            .map(|i| {
+                let share = i as f64 / last as f64;
+                from * (1.0 - share) + to * share
+            })
+            .collect();
+        let even = self.modes(&speeds)?;
+        let mut curves: Vec<Modes> = Vec::with_capacity(even.len() + 4);
+        for modes in even {
+            if let Some(before) = curves.last().copied()
+                && before.weave_oscillates() != modes.weave_oscillates()
+            {
+                let [below, above] = self.branching(before, modes)?;
+                curves.extend([below, above]);
+            }
+            curves.push(modes);
+        }
+        Ok(curves)
+    }
+
+    /// The speed between two at which the weave begins or ceases to oscillate, from both sides.
+    fn branching(&self, mut below: Modes, mut above: Modes) -> Result<[Modes; 2], DynamicsError> {
+        // Forty halvings of a step of a table: the eigenvalues are then a millionth apart.
+        for _ in 0..40 {
+            let middle = self.modes(&[0.5 * (below.speed + above.speed)])?[0];
+            if middle.weave_oscillates() == below.weave_oscillates() {
+                below = middle;
+            } else {
+                above = middle;
+            }
+        }
+        Ok([below, above])
+    }
+
     /// The eigenvalues at the lower speed `to`, each at the place of the one it came from.
     fn carried(
         &self,
@@ -271,6 +318,23 @@ mod tests {
             for ((_, a), (_, b)) in pair[0].iter().zip(pair[1].iter()) {
                 // Steepest at the double root, where the pair leaves the axis as a square root: √0.002 times 3.
                 assert!((a - b).norm() < 0.2, "{pair:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn curves_branch_where_the_eigenvalues_do() {
+        let curves = benchmark().mode_curves(0.0, 10.0, 11).unwrap();
+        let grown: Vec<_> = curves
+            .windows(2)
+            .filter(|pair| pair[0].speed < pair[1].speed)
+            .collect();
+        assert_eq!((curves.len(), grown.len()), (13, 12));
+        // Meijaard et al. (2007): the double root at 0.684 283 m/s, where both are 3.782 90 1/s.
+        for modes in &curves[1..3] {
+            assert!((modes.speed - 0.684_283).abs() < 5e-7, "{modes:?}");
+            for value in modes.weave {
+                assert!((value - 3.782_90).norm() < 1e-4, "{modes:?}");
             }
         }
     }
