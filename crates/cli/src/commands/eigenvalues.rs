@@ -28,7 +28,7 @@ const BENCHMARK: &str = "benchmark";
 const MAX_SPEED: f64 = 1000.0;
 const MAX_SPEEDS: usize = 100_000;
 /// Points along each curve of the figure.
-const CURVE_POINTS: usize = 601;
+const CURVE_POINTS: usize = 301;
 
 /// Critical speeds and eigenvalues of a bicycle, as a table and as a picture
 ///
