@@ -54,6 +54,7 @@ const ALLOWED: [(&str, &[&str]); 9] = [
         "control",
         &[
             "bikebot-geometry",
+            "bikebot-qp",
             "bikebot-dynamics",
             "nalgebra",
             "serde",

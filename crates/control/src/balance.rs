@@ -1,8 +1,8 @@
 //! Keeping the bike upright with the balancer, whatever the plane motion does.
 //!
-//! [`BalanceLaw`] is the part both controllers share: the roll-moment observer, output zeroing,
-//! the guard that hands over to linear-quadratic feedback where the decoupling term nearly
-//! vanishes, and the torque limit. [`BalanceController`] runs it alone, for the two-link plant;
+//! [`BalanceLaw`] is the part both controllers share: the roll-moment observer, the chosen law
+//! (output zeroing, linear-quadratic or predictive), the guard that hands over to linear-quadratic
+//! feedback where the decoupling term nearly vanishes, and the torque limit. [`BalanceController`] runs it alone, for the two-link plant;
 //! [`crate::cascade::RideController`] feeds it the turn and the lean reference.
 
 use bikebot_dynamics::{BalancerMode, BikeParams, Measurement, TwoLink, TwoLinkState};
@@ -14,6 +14,7 @@ use crate::lqr;
 use crate::observer::RollMomentObserver;
 use crate::output_zeroing::{OutputReference, OutputZeroing};
 use crate::params::{BalanceLawKind, BalanceParams};
+use crate::predictive::{Predicted, Predictive, SteeringRoom, Trouble};
 use crate::roll_model::{RollModel, TurnMoment};
 
 /// What the balance law answers.
@@ -25,12 +26,15 @@ pub struct BalanceOutput {
     pub saturated: bool,
     /// `D / D_upright`: one upright and at rest, zero where the balancer loses its authority.
     pub decoupling: f64,
-    /// Whether linear-quadratic feedback stood in for output zeroing.
+    /// Whether another law stood in for the chosen one: linear-quadratic feedback where the
+    /// balancer has hardly any authority, output zeroing where the prediction failed.
     pub fallback: bool,
     /// `T_hat`, N m: the estimated roll moment.
     pub moment_estimate: f64,
     /// `y`, kg m^2/s: the output that is being zeroed.
     pub output: f64,
+    /// Steering rate that the predictive law adds to the follower's, rad/s.
+    pub steer_rate: f64,
 }
 
 /// The balance law at a movable balancer offset.
@@ -45,6 +49,34 @@ pub struct BalanceLaw {
     /// Feedback gains at the offsets of flywheel and balancer mode.
     gains: [(f64, Vector4<f64>); 2],
     guard: f64,
+    predictive: Option<Predictive>,
+    handover: Handover,
+}
+
+/// Takes the step out of a change from one law to another: the difference at the change fades.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Handover {
+    last: Option<(BalanceLawKind, f64)>,
+    step: f64,
+}
+
+impl Handover {
+    /// How long the difference lasts, s: short beside the 0.28 s in which the bike topples.
+    const TIME: f64 = 0.05;
+
+    /// The torque on the way from the last law to `kind`, which wants `torque` N m, within `limit`.
+    fn pass(&mut self, kind: BalanceLawKind, torque: f64, limit: f64, dt: f64) -> f64 {
+        match self.last {
+            Some((before, given)) if before != kind => {
+                self.step = given - torque.clamp(-limit, limit);
+            }
+            _ => self.step *= (-dt / Self::TIME).exp(),
+        }
+        if self.step.abs() < 1e-9 {
+            self.step = 0.0;
+        }
+        torque + self.step
+    }
 }
 
 impl BalanceLaw {
@@ -84,6 +116,10 @@ impl BalanceLaw {
                 .then(|| RollMomentObserver::new(params.observer_rate, params.observer_moment_max)),
             gains: [gain(BalancerMode::Flywheel)?, gain(BalancerMode::Balancer)?],
             guard: params.decoupling_guard,
+            predictive: (params.controller == BalanceLawKind::Mpc)
+                .then(|| Predictive::new(bike, params))
+                .transpose()?,
+            handover: Handover::default(),
         })
     }
 
@@ -91,6 +127,26 @@ impl BalanceLaw {
     #[must_use]
     pub fn model(&self) -> &RollModel {
         &self.model
+    }
+
+    /// Whether the law plans the steering assist itself.
+    #[must_use]
+    pub fn plans_steering(&self) -> bool {
+        self.kind == BalanceLawKind::Mpc
+    }
+
+    /// Goes over to the law that `params` name, without a bump: the difference of the two torques
+    /// fades within some 50 ms. The predictive law takes memory here and never later.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::NoStabilisingGain`] if its weights have no cost to go.
+    pub fn change_law(&mut self, params: &BalanceParams) -> Result<(), ControlError> {
+        if params.controller == BalanceLawKind::Mpc && self.kind != BalanceLawKind::Mpc {
+            self.predictive = Some(Predictive::new(&self.bike, params)?);
+        }
+        self.kind = params.controller;
+        Ok(())
     }
 
     /// The estimated roll moment, N m; zero without an observer.
@@ -107,13 +163,14 @@ impl BalanceLaw {
         }
     }
 
-    /// The torque for this period: `state` as measured, the turn the bike is in, and the lean
-    /// reference without the observer's share.
+    /// The torque for this period: `state` as measured, the turn the bike is in, the lean
+    /// reference without the observer's share, and what steering may do for the balance.
     pub fn tick(
         &mut self,
         state: &TwoLinkState,
         turn: &TurnMoment,
         lean: &OutputReference,
+        room: Option<&SteeringRoom>,
         dt: f64,
     ) -> BalanceOutput {
         let estimate = if let Some(observer) = &mut self.observer {
@@ -131,15 +188,29 @@ impl BalanceLaw {
             .zeroing
             .derivatives(&self.model, state, turn, estimate, &reference);
         let decoupling = d.decoupling / self.upright_decoupling;
-        let fallback = decoupling.abs() < self.guard;
-        let wanted = if fallback || self.kind == BalanceLawKind::Lqr {
-            self.quadratic_torque(state, turn, &reference)
+        let kind = if decoupling.abs() < self.guard {
+            BalanceLawKind::Lqr
         } else {
-            let w = self.zeroing.balancer_acceleration(&d);
-            OutputZeroing::torque(&self.model, state, turn, &d, w)
+            self.kind
+        };
+        let predicted = (kind == BalanceLawKind::Mpc)
+            .then(|| self.predict(state, turn, &reference, estimate, room, dt))
+            .flatten();
+        let (kind, wanted) = match (kind, predicted) {
+            (BalanceLawKind::Mpc, Some(predicted)) => (kind, predicted.torque),
+            (BalanceLawKind::Lqr, _) => (kind, self.quadratic_torque(state, turn, &reference)),
+            _ => {
+                let w = self.zeroing.balancer_acceleration(&d);
+                (
+                    BalanceLawKind::OutputZeroing,
+                    OutputZeroing::torque(&self.model, state, turn, &d, w),
+                )
+            }
         };
         let limit = self.bike.balancer_torque_max;
+        let wanted = self.handover.pass(kind, wanted, limit, dt);
         let mut torque = wanted.clamp(-limit, limit);
+        self.handover.last = Some((kind, torque));
         if state.balancer_rate.abs() >= self.bike.balancer_speed_max
             && torque * state.balancer_rate > 0.0
         {
@@ -149,9 +220,10 @@ impl BalanceLaw {
             torque,
             saturated: torque != wanted,
             decoupling,
-            fallback,
+            fallback: kind != self.kind,
             moment_estimate: estimate,
             output: d.y,
+            steer_rate: predicted.map_or(0.0, |predicted| predicted.steer_rate),
         }
     }
 
@@ -169,21 +241,63 @@ impl BalanceLaw {
             ((self.model.offset - d0) / (d1 - d0)).clamp(0.0, 1.0)
         };
         let gain = k0 + (k1 - k0) * share;
-        let [p1, p2, ..] = reference.derivatives;
+        let p1 = reference.derivatives[0];
         let error = Vector4::new(
             state.roll - reference.value,
             state.balancer,
             state.roll_rate - p1,
             state.balancer_rate,
         );
-        let held = TwoLinkState {
-            roll: reference.value,
-            ..TwoLinkState::default()
-        };
-        let feed_forward = self.model.inertia.m12(0.0) * p2
+        self.held_torque(turn, reference) - gain.dot(&error)
+    }
+
+    /// The torque that holds the balancer still while the body is on the reference, N m.
+    fn held_torque(&self, turn: &TurnMoment, reference: &OutputReference) -> f64 {
+        let held = on_reference(reference);
+        self.model.inertia.m12(0.0) * reference.derivatives[1]
             - self.model.balancer_gravity(&held)
-            - self.model.turning_joint(&held, turn);
-        feed_forward - gain.dot(&error)
+            - self.model.turning_joint(&held, turn)
+    }
+
+    /// The predictive law, asked in the frame that leans with the reference.
+    fn predict(
+        &mut self,
+        state: &TwoLinkState,
+        turn: &TurnMoment,
+        reference: &OutputReference,
+        estimate: f64,
+        room: Option<&SteeringRoom>,
+        dt: f64,
+    ) -> Option<Predicted> {
+        let [p1, p2, ..] = reference.derivatives;
+        let held = on_reference(reference);
+        let off = TwoLinkState {
+            roll: state.roll - reference.value,
+            roll_rate: state.roll_rate - p1,
+            ..*state
+        };
+        let trouble = Trouble {
+            roll: off.roll,
+            momentum: self.model.momentum(&off),
+            balancer: off.balancer,
+            balancer_rate: off.balancer_rate,
+            moment: self.model.gravity(&held).value
+                + self.model.turning(&held, turn).value
+                + estimate
+                - self.model.inertia.m11(0.0) * p2,
+            held_torque: self.held_torque(turn, reference),
+        };
+        self.predictive
+            .as_mut()?
+            .tick(&self.model, &trouble, room, dt)
+    }
+}
+
+/// On the reference lean with the balancer still.
+fn on_reference(reference: &OutputReference) -> TwoLinkState {
+    TwoLinkState {
+        roll: reference.value,
+        ..TwoLinkState::default()
     }
 }
 
@@ -218,6 +332,15 @@ impl BalanceController {
         self.law.set_offset(offset);
     }
 
+    /// As [`BalanceLaw::change_law`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn change_law(&mut self, params: &BalanceParams) -> Result<(), ControlError> {
+        self.law.change_law(params)
+    }
+
     /// The torque for a roll state, without a measurement around it. A state that is not finite
     /// gives a torque that is not finite.
     pub fn torque(&mut self, state: &TwoLinkState) -> BalanceOutput {
@@ -225,6 +348,7 @@ impl BalanceController {
             state,
             &TurnMoment::default(),
             &OutputReference::default(),
+            None,
             self.period,
         )
     }
@@ -265,6 +389,7 @@ mod tests {
                 &state,
                 &TurnMoment::default(),
                 &OutputReference::default(),
+                None,
                 0.005,
             )
         };
@@ -292,6 +417,7 @@ mod tests {
                 &state,
                 &TurnMoment::default(),
                 &OutputReference::default(),
+                None,
                 0.005,
             );
             assert!(out.torque * rate <= 0.0, "{out:?}");

@@ -28,6 +28,7 @@ use crate::observer::DriveObserver;
 use crate::output_zeroing::OutputReference;
 use crate::params::{BalanceParams, FollowParams};
 use crate::roll_model::TurnMoment;
+use crate::steering_assist::SteeringAssist;
 use crate::supervisor::{Phase, ShiftConditions, Supervisor};
 
 /// Half the friction is kept for pushes, braking and what the model does not know.
@@ -109,7 +110,7 @@ struct PlaneCommand {
 pub struct RideController {
     bike: BikeParams,
     follow: FollowParams,
-    assist: Option<(f64, f64)>,
+    assist: Option<SteeringAssist>,
     path: FollowedPath,
     follower: Follower,
     drive: DriveObserver,
@@ -158,9 +159,7 @@ impl RideController {
         Ok(Self {
             bike: *bike,
             follow: follow.clone(),
-            assist: balance
-                .steering_assist
-                .then_some((balance.assist_gain, balance.assist_dead_zone)),
+            assist: SteeringAssist::new(balance),
             path,
             follower,
             drive: DriveObserver::new(follow.drive_observer_rate),
@@ -255,8 +254,8 @@ impl RideController {
         };
         let state = TwoLinkState::from(m);
         let reference = self.lean_reference(m, &turn, plane.acceleration);
-        let balance = self.law.tick(&state, &turn, &reference, dt);
-        let wanted_steer_rate = plane.steer_rate + self.assisting_steer_rate(m, cos2);
+        let (balance, wanted_steer_rate) =
+            self.balance(m, &state, &turn, &reference, plane.steer_rate);
         let steer_rate = self.steerable(wanted_steer_rate, m.steer);
 
         let lean_held =
@@ -396,25 +395,46 @@ impl RideController {
         m.roll + m.roll_rate / self.law.model().toppling_rate() - self.lean.divergent()
     }
 
-    /// What steers into a fall when the balancer alone may not be enough, rad/s.
-    fn assisting_steer_rate(&self, m: &Measurement, cos2: f64) -> f64 {
-        /// Below this speed steering makes hardly any moment, m/s.
-        const SPEED_FLOOR: f64 = 0.4;
-        /// The yaw rate is corrected within this time, s.
-        const TIME: f64 = 0.1;
-        let Some((gain, dead_zone)) = self.assist else {
-            return 0.0;
-        };
-        if self.phase == Phase::Hold {
-            return 0.0;
-        }
+    /// Step 6, and what of the follower's steering rate and of the assist's comes out, rad/s.
+    fn balance(
+        &mut self,
+        m: &Measurement,
+        state: &TwoLinkState,
+        turn: &TurnMoment,
+        reference: &OutputReference,
+        follower: f64,
+    ) -> (BalanceOutput, f64) {
+        let dt = self.period;
         let error = self.divergent_error(m);
-        let beyond = error - error.clamp(-dead_zone, dead_zone);
-        let speed = m.speed.max(SPEED_FLOOR);
-        let model = self.law.model();
-        let yaw_rate =
-            -gain * model.toppling_stiffness() * beyond / (model.centripetal_arm() * speed);
-        self.bike.wheelbase * cos2 / speed * yaw_rate / TIME
+        let Some(assist) = self.assist.as_mut().filter(|_| self.phase != Phase::Hold) else {
+            return (self.law.tick(state, turn, reference, None, dt), follower);
+        };
+        if self.law.plans_steering() {
+            let follower = assist.left_to_follower(follower, &self.bike);
+            let room = assist.room(
+                m,
+                &self.bike,
+                self.law.model(),
+                self.follow.look_ahead,
+                follower,
+            );
+            let balance = self.law.tick(state, turn, reference, room.as_ref(), dt);
+            assist.take(balance.steer_rate, dt);
+            (balance, follower + balance.steer_rate)
+        } else {
+            let balance = self.law.tick(state, turn, reference, None, dt);
+            let added = assist.proportional(error, m, &self.bike, self.law.model());
+            (balance, follower + added)
+        }
+    }
+
+    /// Goes over to the balance law that `params` name, without a bump.
+    ///
+    /// # Errors
+    ///
+    /// As [`BalanceLaw::change_law`].
+    pub fn change_balance_law(&mut self, params: &BalanceParams) -> Result<(), ControlError> {
+        self.law.change_law(params)
     }
 
     /// A steering rate within the limits of the servo, and none into a stop.

@@ -28,10 +28,12 @@ pub mod observer;
 pub mod output_function;
 pub mod output_zeroing;
 pub mod params;
+pub mod predictive;
 pub mod profile;
 pub mod pvfc;
 mod ramps;
 pub mod roll_model;
+mod steering_assist;
 pub mod supervisor;
 pub mod velocity_field;
 
@@ -51,6 +53,7 @@ pub use params::{
     BalanceLawKind, BalanceParams, FollowController, FollowParams, LateralLqrParams,
     PurePursuitParams, StanleyParams, Track,
 };
+pub use predictive::{Predicted, Predictive, SteeringRoom, Trouble};
 pub use pvfc::Pvfc;
 pub use roll_model::{RollModel, TurnMoment};
 pub use supervisor::{ModeChange, Phase};

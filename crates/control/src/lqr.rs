@@ -44,7 +44,11 @@ pub fn gain(model: &TwoLink, weights: &Weights) -> Result<Vector4<f64>, ControlE
 }
 
 /// The stabilising solution of `A' P + P A - P S P + Q = 0`, if the iteration finds one.
-fn riccati(a: &Matrix4<f64>, s: &Matrix4<f64>, q: &Matrix4<f64>) -> Option<Matrix4<f64>> {
+pub(crate) fn riccati(
+    a: &Matrix4<f64>,
+    s: &Matrix4<f64>,
+    q: &Matrix4<f64>,
+) -> Option<Matrix4<f64>> {
     let mut z = SMatrix::<f64, 8, 8>::zeros();
     z.fixed_view_mut::<4, 4>(0, 0).copy_from(a);
     z.fixed_view_mut::<4, 4>(0, 4).copy_from(&(-s));

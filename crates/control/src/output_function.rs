@@ -28,6 +28,11 @@ impl OutputFunction {
         Self { a0, a2, a3 }
     }
 
+    /// `[a0, a2, a3]`, kg m^2.
+    pub(crate) fn constants(&self) -> [f64; 3] {
+        [self.a0, self.a2, self.a3]
+    }
+
     /// `M11(beta)`, kg m^2: roll inertia.
     #[must_use]
     pub fn m11(&self, balancer: f64) -> f64 {

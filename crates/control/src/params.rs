@@ -283,6 +283,9 @@ pub enum BalanceLawKind {
     OutputZeroing,
     /// Linear-quadratic feedback of the upright linearisation.
     Lqr,
+    /// Prediction over a second with the limits of torque and speed: recovers from more than the
+    /// other two, and costs some 30 µs a tick.
+    Mpc,
 }
 
 /// Keeping the bike upright: the scenario's `[balance]`.
@@ -296,7 +299,8 @@ pub struct BalanceParams {
     pub preview: bool,
     /// Estimate and compensate a constant roll moment (wind, a load off centre, a biased roll sensor).
     pub observer: bool,
-    /// Steer into a fall as a last resort; costs path accuracy, for flywheel mode.
+    /// Steer into a fall as a last resort; costs path accuracy. With `output_zeroing` and `lqr`
+    /// only of use in flywheel mode; `mpc` plans it together with the torque, in both.
     pub steering_assist: bool,
     /// `kappa`, 1/s: rate at which balancer angle and momentum return once the output is zero.
     #[serde(rename = "kappa_per_s")]
@@ -357,6 +361,29 @@ pub struct BalanceParams {
     #[serde(rename = "lqr_torque_weight")]
     #[schemars(range(min = 1e-6, max = 1e6))]
     pub lqr_torque: f64,
+    /// Predictive law: weight on the lean, 1/(s^4 rad^2), beside the squared balancer acceleration.
+    /// It hardly matters below 1e5: the lean has to vanish anyway.
+    #[serde(rename = "mpc_lean_weight")]
+    #[schemars(range(min = 1.0, max = 1e7))]
+    pub mpc_lean: f64,
+    /// Predictive law: weight on the balancer angle in flywheel mode, 1/s^4; its fourth root is
+    /// about the rate of the return.
+    #[serde(rename = "mpc_balancer_weight_flywheel")]
+    #[schemars(range(min = 1e-3, max = 1e4))]
+    pub mpc_balancer_flywheel: f64,
+    /// Predictive law: weight on the balancer angle in balancer mode, 1/s^4.
+    #[serde(rename = "mpc_balancer_weight_balancer")]
+    #[schemars(range(min = 1e-3, max = 1e4))]
+    pub mpc_balancer_balancer: f64,
+    /// Predictive law: weight on the balancer rate in flywheel mode, 1/s^2; more is stiffer and
+    /// answers more to sensor noise.
+    #[serde(rename = "mpc_balancer_rate_weight_flywheel")]
+    #[schemars(range(min = 1e-3, max = 1e4))]
+    pub mpc_rate_flywheel: f64,
+    /// Predictive law: weight on the balancer rate in balancer mode, 1/s^2.
+    #[serde(rename = "mpc_balancer_rate_weight_balancer")]
+    #[schemars(range(min = 1e-3, max = 1e4))]
+    pub mpc_rate_balancer: f64,
     /// `k_a`, 1/s: gain of the steering assist.
     #[serde(rename = "assist_gain_per_s")]
     #[schemars(range(min = 0.0, max = 10.0))]
@@ -365,6 +392,16 @@ pub struct BalanceParams {
     #[serde(rename = "assist_dead_zone_rad")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub assist_dead_zone: f64,
+    /// Predictive law: price on steering in flywheel mode, 1/s^3 per rad of steering: high enough to
+    /// be left alone while the balancer can do without.
+    #[serde(rename = "assist_price_flywheel")]
+    #[schemars(range(min = 1.0, max = 1e8))]
+    pub assist_price_flywheel: f64,
+    /// Predictive law: price on steering in balancer mode, 1/s^3 per rad of steering: low, because
+    /// the turning offset mass soon takes the load off the wheels.
+    #[serde(rename = "assist_price_balancer")]
+    #[schemars(range(min = 1.0, max = 1e8))]
+    pub assist_price_balancer: f64,
 }
 
 impl Default for BalanceParams {
@@ -389,8 +426,15 @@ impl Default for BalanceParams {
             lqr_roll_rate: 10.0,
             lqr_balancer_rate: 0.1,
             lqr_torque: 0.1,
+            mpc_lean: 1e3,
+            mpc_balancer_flywheel: 1.0,
+            mpc_balancer_balancer: 20.0,
+            mpc_rate_flywheel: 3.0,
+            mpc_rate_balancer: 5.0,
             assist_gain: 1.0,
             assist_dead_zone: 0.1,
+            assist_price_flywheel: 1e5,
+            assist_price_balancer: 3e3,
         }
     }
 }

@@ -105,6 +105,12 @@ impl RollModel {
         }
     }
 
+    /// `[a0, a2, a3, b1, b2]`: kg m^2 and N m.
+    pub(crate) fn constants(&self) -> [f64; 5] {
+        let [a0, a2, a3] = self.inertia.constants();
+        [a0, a2, a3, self.b1, self.b2]
+    }
+
     /// `b1 + b2`, N m/rad: the upright gravity stiffness with the balancer locked.
     #[must_use]
     pub fn toppling_stiffness(&self) -> f64 {

@@ -6,7 +6,9 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use bikebot_control::{BalanceController, BalanceParams, FollowParams, Phase, RideController};
+use bikebot_control::{
+    BalanceController, BalanceLawKind, BalanceParams, FollowParams, Phase, RideController,
+};
 use bikebot_dynamics::{
     BalancerMode, Bike, BikeInput, BikeParams, BikeState, Integrator, Measurement, Rk4,
     TwoLinkState,
@@ -49,6 +51,12 @@ fn allocations() -> usize {
 
 #[test]
 fn a_ride_from_start_to_hold_allocates_nothing_in_its_ticks() {
+    for law in [BalanceLawKind::OutputZeroing, BalanceLawKind::Mpc] {
+        ride_from_start_to_hold(law);
+    }
+}
+
+fn ride_from_start_to_hold(law: BalanceLawKind) {
     let before = allocations();
     drop(std::hint::black_box(vec![0u8; 16]));
     assert!(allocations() > before, "the counter does not count");
@@ -66,6 +74,7 @@ fn a_ride_from_start_to_hold_allocates_nothing_in_its_ticks() {
         BalancerMode::Flywheel,
         &FollowParams::default(),
         &BalanceParams {
+            controller: law,
             steering_assist: true,
             ..BalanceParams::default()
         },
@@ -110,20 +119,25 @@ fn a_ride_from_start_to_hold_allocates_nothing_in_its_ticks() {
 #[test]
 fn balance_alone_allocates_nothing() {
     let bike = BikeParams::default();
-    let mut controller = BalanceController::new(
-        &bike,
-        BalancerMode::Balancer,
-        &BalanceParams::default(),
-        0.002,
-    )
-    .unwrap();
-    let before = allocations();
-    for i in 0..100 {
-        let roll = 0.001 * f64::from(i);
-        std::hint::black_box(controller.torque(&TwoLinkState {
-            roll,
-            ..TwoLinkState::default()
-        }));
+    for law in [
+        BalanceLawKind::OutputZeroing,
+        BalanceLawKind::Lqr,
+        BalanceLawKind::Mpc,
+    ] {
+        let params = BalanceParams {
+            controller: law,
+            ..BalanceParams::default()
+        };
+        let mut controller =
+            BalanceController::new(&bike, BalancerMode::Balancer, &params, 0.002).unwrap();
+        let before = allocations();
+        for i in 0..100 {
+            let roll = 0.005 * f64::from(i);
+            std::hint::black_box(controller.torque(&TwoLinkState {
+                roll,
+                ..TwoLinkState::default()
+            }));
+        }
+        assert_eq!(allocations(), before, "{law:?}");
     }
-    assert_eq!(allocations(), before);
 }

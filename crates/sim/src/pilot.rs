@@ -217,8 +217,7 @@ impl Pilot {
 
     /// Where the true followed point is, from the true state.
     pub fn true_following(&mut self, state: &BikeState) -> Option<TrueFollowing> {
-        let Kind::Rider { controller, true_s } = &mut self.kind
-        else {
+        let Kind::Rider { controller, true_s } = &mut self.kind else {
             return None;
         };
         let ahead = controller.own_point().distance;
