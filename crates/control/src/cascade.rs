@@ -173,6 +173,12 @@ impl RideController {
         })
     }
 
+    /// The law that follows the path.
+    #[must_use]
+    pub fn follower(&self) -> &Follower {
+        &self.follower
+    }
+
     /// The point of the bike that is kept on the followed curve.
     #[must_use]
     pub fn own_point(&self) -> &LookAhead {

@@ -226,6 +226,19 @@ impl FollowedPath {
         }
     }
 
+    /// Curvature at arc length `s`, m, 1/m; straight on beyond both ends.
+    #[must_use]
+    pub fn curvature(&self, s: f64) -> f64 {
+        let last = self.samples.len() - 1;
+        if s < 0.0 || s > self.length() {
+            return 0.0;
+        }
+        let x = s / self.step;
+        let i = (x as usize).min(last - 1);
+        let (a, b) = (self.samples[i].curvature, self.samples[i + 1].curvature);
+        a + (x - i as f64) * (b - a)
+    }
+
     /// As [`Self::sample`], with the profile brought down to standstill at the end.
     #[must_use]
     pub fn riding_sample(&self, s: f64) -> PathSample {

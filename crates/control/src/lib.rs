@@ -17,6 +17,7 @@
 pub mod balance;
 pub mod cascade;
 pub mod controller;
+pub mod energy_tank;
 pub mod error;
 pub mod followed_path;
 pub mod follower;
@@ -40,6 +41,7 @@ pub mod velocity_field;
 pub use balance::{BalanceController, BalanceLaw, BalanceOutput};
 pub use cascade::{ControlOutput, RideController};
 pub use controller::Controller;
+pub use energy_tank::EnergyTank;
 pub use error::ControlError;
 pub use followed_path::{FollowedPath, PathSample, RideLimits};
 pub use follower::Follower;

@@ -11,7 +11,10 @@
 //! with `J = m_p (P'(n+1) - P'(n)) - dt tau_P` the impulse by which the real bike departs from
 //! the ideal point: actuator limits and lag, slopes, pushes, tyre forces. The last term is the
 //! supplied work, `dt tau . q'(n)` is the regulator's work alone if the coupling is skew as it
-//! must be, and the middle term, known before the step, is the error bound of the integrator.
+//! must be, and the middle term, known before the step, is the error of the integrator.
+//!
+//! With an energy tank of content `T` the books are stricter: the tank pays for regulator and
+//! integrator, so `k + T` rises by the supplied work, less what a full tank gives up.
 
 use bikebot_geometry::Vector2;
 
@@ -28,22 +31,38 @@ pub struct AugmentedEnergy {
     pub supplied_power: f64,
     /// Mean power of the energy regulator during the tick, W.
     pub regulator_power: f64,
-    /// What the explicit Euler step may have added, J.
+    /// What the explicit Euler step added, J; the energy tank pays for it if there is one.
     pub error_bound: f64,
+    /// Content of the energy tank now, J; zero without one.
+    pub tank: f64,
+    /// The tank's content now less that one tick ago, J.
+    pub tank_rise: f64,
+    /// What the full tank gave up during the tick, J.
+    pub given_up: f64,
+    /// Whether a tank pays for regulator and integrator.
+    pub strict: bool,
 }
 
 impl AugmentedEnergy {
     /// Least violation that counts, J: above rounding, which is near 1e-13 J at a few hundred joules.
     pub const TOLERANCE: f64 = 1e-9;
 
-    /// By how much the stored energy rose beyond what was accounted for in a tick of `dt` seconds, J;
-    /// negative when it did not.
+    /// What the books of a tick of `dt` seconds miss, J: zero but for rounding, whatever the bike did.
+    #[must_use]
+    pub fn residual(&self, dt: f64) -> f64 {
+        let supplied = dt * self.supplied_power;
+        if self.strict {
+            self.rise + self.tank_rise + self.given_up - supplied
+        } else {
+            self.rise - supplied - dt * self.regulator_power - self.error_bound
+        }
+    }
+
+    /// By how much energy rose beyond what was accounted for in a tick of `dt` seconds, J; negative when
+    /// it did not.
     #[must_use]
     pub fn unexplained(&self, dt: f64) -> f64 {
-        self.rise
-            - dt * (self.supplied_power + self.regulator_power)
-            - self.error_bound
-            - Self::TOLERANCE
+        self.residual(dt) - Self::TOLERANCE
     }
 
     /// Whether passivity was violated in a tick of `dt` seconds.
@@ -73,6 +92,8 @@ impl EnergyAccount {
         self.closed = match self.open {
             None => AugmentedEnergy {
                 stored: step.stored,
+                tank: step.tank.unwrap_or(0.0),
+                strict: step.tank.is_some(),
                 ..AugmentedEnergy::default()
             },
             Some((before, rate_before)) => {
@@ -85,6 +106,10 @@ impl EnergyAccount {
                     supplied_power: work / dt,
                     regulator_power: before.regulator_power,
                     error_bound: before.euler_excess,
+                    tank: step.tank.unwrap_or(0.0),
+                    tank_rise: step.tank.unwrap_or(0.0) - before.tank.unwrap_or(0.0),
+                    given_up: before.given_up,
+                    strict: step.tank.is_some(),
                 }
             }
         };
@@ -97,6 +122,8 @@ impl EnergyAccount {
         self.open = None;
         self.closed = AugmentedEnergy {
             stored: self.closed.stored,
+            tank: self.closed.tank,
+            strict: self.closed.strict,
             ..AugmentedEnergy::default()
         };
         self.closed
@@ -122,6 +149,8 @@ mod tests {
             stored,
             regulator_power,
             euler_excess,
+            tank: None,
+            given_up: 0.0,
         }
     }
 
@@ -138,6 +167,22 @@ mod tests {
         // The same energy again, but the point has not moved any faster: software made it up.
         let gift = account.enter(&step(30.26, Vector2::zeros(), 0.0, 0.0), fast, mass, dt);
         assert!(gift.is_violated(dt) && (gift.unexplained(dt) - 0.01).abs() < 1e-8);
+    }
+
+    #[test]
+    fn with_a_tank_even_the_regulator_must_say_where_it_has_it_from() {
+        let (mass, dt) = (50.0, 0.005);
+        let rate = Vector2::new(1.0, 0.0);
+        let filled = |stored: f64, tank: f64| PvfcStep {
+            tank: Some(tank),
+            ..step(stored, Vector2::zeros(), 2.0, 0.0)
+        };
+        let mut account = EnergyAccount::default();
+        account.enter(&filled(25.0, 5.0), rate, mass, dt);
+        let paid = account.enter(&filled(25.01, 4.99), rate, mass, dt);
+        assert!(paid.residual(dt).abs() < 1e-12 && !paid.is_violated(dt));
+        let unpaid = account.enter(&filled(25.02, 4.99), rate, mass, dt);
+        assert!(unpaid.is_violated(dt) && (unpaid.residual(dt) - 0.01).abs() < 1e-12);
     }
 
     #[test]

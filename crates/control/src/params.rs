@@ -36,6 +36,10 @@ pub struct PurePursuitParams {
     #[serde(rename = "time_s")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub time: f64,
+    /// `k_psi`, 1/s: how fast the steering turns to the angle that is wanted.
+    #[serde(rename = "steering_gain_per_s")]
+    #[schemars(range(min = 0.5, max = 50.0))]
+    pub steering_gain: f64,
 }
 
 impl Default for PurePursuitParams {
@@ -43,6 +47,7 @@ impl Default for PurePursuitParams {
         Self {
             distance: 0.3,
             time: 0.2,
+            steering_gain: 10.0,
         }
     }
 }
@@ -59,6 +64,10 @@ pub struct StanleyParams {
     #[serde(rename = "softening_mps")]
     #[schemars(range(min = 0.01, max = 5.0))]
     pub softening: f64,
+    /// `k_psi`, 1/s: how fast the steering turns to the angle that is wanted.
+    #[serde(rename = "steering_gain_per_s")]
+    #[schemars(range(min = 0.5, max = 50.0))]
+    pub steering_gain: f64,
 }
 
 impl Default for StanleyParams {
@@ -66,6 +75,7 @@ impl Default for StanleyParams {
         Self {
             gain: 4.0,
             softening: 0.3,
+            steering_gain: 20.0,
         }
     }
 }
@@ -90,15 +100,20 @@ pub struct LateralLqrParams {
     #[serde(rename = "lead_s")]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub lead: f64,
+    /// `k_psi`, 1/s: how fast the steering turns to the angle that is wanted.
+    #[serde(rename = "steering_gain_per_s")]
+    #[schemars(range(min = 0.5, max = 50.0))]
+    pub steering_gain: f64,
 }
 
 impl Default for LateralLqrParams {
     fn default() -> Self {
         Self {
-            lateral: 4.0,
+            lateral: 25.0,
             heading: 1.0,
             steer: 1.0,
-            lead: 0.15,
+            lead: 0.1,
+            steering_gain: 10.0,
         }
     }
 }
@@ -181,10 +196,23 @@ pub struct FollowParams {
     #[serde(rename = "coupling_gain")]
     #[schemars(range(min = 0.001, max = 0.2))]
     pub coupling_gain: f64,
-    /// `k_E`, 1/s: how fast the energy level is restored; zero is strictly passive, and stops on a climb.
+    /// `k_E`, 1/s: how fast the energy level is restored; zero never restores it, and stops on a climb.
     #[serde(rename = "energy_gain_per_s")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub energy_gain: f64,
+    /// Take the energy that restores the level from a tank with a finite content, which is filled by what is
+    /// taken off too high a level: strictly passive. Without it the energy regulator may inject what it likes.
+    #[serde(rename = "energy_tank")]
+    pub energy_tank: bool,
+    /// Energy in the tank at the start, J: what the ride may cost beyond what the surroundings give. A climb of
+    /// 5 % takes 5 J, until the drive observer has found it.
+    #[serde(rename = "energy_tank_start_j")]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub tank_start: f64,
+    /// Most energy the tank holds, J; what comes beyond it is given up.
+    #[serde(rename = "energy_tank_capacity_j")]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub tank_capacity: f64,
     /// `beta`: speed level, the velocity settles at this multiple of the field.
     #[serde(rename = "speed_level")]
     #[schemars(range(min = 0.2, max = 2.0))]
@@ -221,10 +249,6 @@ pub struct FollowParams {
     #[serde(rename = "drive_observer_per_s")]
     #[schemars(range(min = 0.0, max = 20.0))]
     pub drive_observer_rate: f64,
-    /// `k_psi`, 1/s: how fast pure pursuit, Stanley and LQR turn the steering to the angle they want.
-    #[serde(rename = "steering_gain_per_s")]
-    #[schemars(range(min = 0.5, max = 50.0))]
-    pub steering_gain: f64,
     /// `k_v`, 1/s: how fast pure pursuit, Stanley and LQR correct the speed.
     #[serde(rename = "speed_gain_per_s")]
     #[schemars(range(min = 0.1, max = 20.0))]
@@ -254,8 +278,11 @@ impl Default for FollowParams {
             contour_gain: 1.2,
             virtual_time_gain: 0.6,
             error_max: 0.5,
-            coupling_gain: 0.02,
+            coupling_gain: 0.04,
             energy_gain: 1.0,
+            energy_tank: true,
+            tank_start: 20.0,
+            tank_capacity: 40.0,
             speed_level: 1.0,
             energy_margin: 1.5,
             point_mass: 50.0,
@@ -265,7 +292,6 @@ impl Default for FollowParams {
             drive_acceleration: 0.8,
             drive_deceleration: 1.0,
             drive_observer_rate: 4.0,
-            steering_gain: 10.0,
             speed_gain: 2.0,
             pure_pursuit: PurePursuitParams::default(),
             stanley: StanleyParams::default(),

@@ -8,12 +8,14 @@
 //!
 //! is skew in `q'` and so does no work: the energy `k = q'^T M q'/2` changes only through forces
 //! from outside. It turns `q'` towards a multiple of the field. A regulator on the flywheel
-//! restores the energy level that slopes and drag take away; it is not part of the passive law
-//! and is accounted for separately ([`crate::lyapunov`]).
+//! restores the energy level that slopes and drag take away. What it injects comes out of a tank
+//! ([`crate::energy_tank`]) and what it extracts goes into it, so that the system with its tank is
+//! strictly passive. The books are kept by [`crate::lyapunov`].
 
 use bikebot_geometry::{Point2, Vector2};
 use nalgebra::Vector4;
 
+use crate::energy_tank::{EnergyTank, Withdrawal};
 use crate::followed_path::FollowedPath;
 use crate::params::FollowParams;
 use crate::velocity_field::{FieldValue, VelocityField};
@@ -45,6 +47,7 @@ pub struct Pvfc {
     coupling_gain: f64,
     energy_gain: f64,
     level: f64,
+    tank: Option<EnergyTank>,
     virtual_time: f64,
     virtual_rate: f64,
     flywheel_rate: f64,
@@ -65,6 +68,10 @@ pub struct PvfcStep {
     pub regulator_power: f64,
     /// What an explicit Euler step of these forces adds to the energy, `dt^2 tau' M^-1 tau / 2`, J.
     pub euler_excess: f64,
+    /// Content of the tank before the step, J, if there is one.
+    pub tank: Option<f64>,
+    /// What the full tank gave up in the step, J.
+    pub given_up: f64,
 }
 
 impl Pvfc {
@@ -87,6 +94,9 @@ impl Pvfc {
             coupling_gain: params.coupling_gain,
             energy_gain: params.energy_gain,
             level,
+            tank: params
+                .energy_tank
+                .then(|| EnergyTank::new(params.tank_start, params.tank_capacity)),
             virtual_time,
             virtual_rate,
             // A bike faster than the level allows starts with a flywheel that barely turns.
@@ -121,15 +131,25 @@ impl Pvfc {
             + m[3] * self.flywheel_rate * self.flywheel_rate)
     }
 
-    /// One step of `dt` seconds from the measured point, m, and its velocity, m/s.
+    /// Content of the energy tank, J, if there is one.
+    #[must_use]
+    pub fn tank(&self) -> Option<f64> {
+        self.tank.as_ref().map(EnergyTank::content)
+    }
+
+    /// One step of `dt` seconds from the measured point, m, and its velocity, m/s. What the steering does
+    /// to the point comes `lag` seconds late, so the curvature that is fed forward is that of where the
+    /// virtual time will be by then.
     pub fn step(
         &mut self,
         path: &FollowedPath,
         point: Point2,
         point_rate: Vector2,
+        lag: f64,
         dt: f64,
     ) -> PvfcStep {
-        let sample = path.riding_sample(self.virtual_time);
+        let mut sample = path.riding_sample(self.virtual_time);
+        sample.curvature = path.curvature(self.virtual_time + self.virtual_rate * lag);
         let field = self
             .field
             .evaluate(&sample, point, point_rate, self.virtual_rate);
@@ -143,8 +163,24 @@ impl Pvfc {
         let energy = self.field.energy();
         let mut force = coupling_force(&m, &velocity, &field, energy, self.coupling_gain);
         let stored = self.stored_energy(point_rate);
-        let regulator =
-            -self.energy_gain * (stored - self.level) / energy * m[3] * self.flywheel_rate;
+        let wanted = -self.energy_gain * (stored - self.level) / energy * m[3] * self.flywheel_rate;
+        let tank = self.tank.as_ref().map(EnergyTank::content);
+        let (regulator, given_up) = match &mut self.tank {
+            Some(tank) => {
+                let point_and_time = force.fixed_rows::<3>(0);
+                let step = Withdrawal {
+                    rate: self.flywheel_rate,
+                    inertia: m[3],
+                    force: force[3],
+                    others: point_and_time
+                        .component_div(&m.fixed_rows::<3>(0))
+                        .dot(&point_and_time),
+                    dt,
+                };
+                tank.regulate(wanted, &step)
+            }
+            None => (wanted, 0.0),
+        };
         force[3] += regulator;
         let regulator_power = regulator * self.flywheel_rate;
         let acceleration = force.component_div(&m);
@@ -159,6 +195,8 @@ impl Pvfc {
             stored,
             regulator_power,
             euler_excess,
+            tank,
+            given_up,
         }
     }
 }
@@ -190,6 +228,7 @@ mod tests {
         #[test]
         fn the_energy_rises_by_the_regulator_and_the_euler_step_alone(
             x in 0.0f64..2.0, y in -0.3f64..0.3, speed in 0.2f64..1.4, heading in -0.5f64..0.5,
+            tank in prop::option::of(0.0f64..1.0),
         ) {
             use crate::followed_path::RideLimits;
             use bikebot_geometry::{CurvePath, FergusonCurve};
@@ -197,7 +236,7 @@ mod tests {
                 Point2::new(0.0, 0.0),
                 Point2::new(6.0, 0.0),
             )]).unwrap();
-            let params = FollowParams::default();
+            let params = FollowParams { energy_tank: tank.is_some(), tank_start: tank.unwrap_or(0.0), ..FollowParams::default() };
             let limits = RideLimits { wheelbase: 1.12, steer_rate: 2.0, lateral_acceleration: 3.0, curvature: 0.9 };
             let path = FollowedPath::new(&path, &params, &limits, params.look_ahead).unwrap();
             let field = VelocityField::new(&params, path.speed_max());
@@ -207,12 +246,17 @@ mod tests {
             let dt = 0.005;
             for _ in 0..200 {
                 let before = pvfc.stored_energy(rate);
-                let step = pvfc.step(&path, point, rate, dt);
+                let step = pvfc.step(&path, point, rate, 0.0, dt);
                 // The ideal point does as it is told.
                 point += rate * dt + step.acceleration * (0.5 * dt * dt);
                 rate += step.acceleration * dt;
                 let rise = pvfc.stored_energy(rate) - before;
                 prop_assert!((rise - dt * step.regulator_power - step.euler_excess).abs() < 1e-10);
+                if let (Some(then), Some(now)) = (step.tank, pvfc.tank()) {
+                    // Nothing from nowhere: what the one gains the other gives, the integrator's share included.
+                    prop_assert!((rise + now - then + step.given_up).abs() < 1e-10);
+                    prop_assert!(now >= 0.0 && step.given_up >= 0.0, "{now}");
+                }
             }
         }
     }

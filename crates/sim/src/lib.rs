@@ -20,6 +20,7 @@ pub mod path_file;
 mod picture;
 mod pilot;
 pub mod record;
+pub mod refit;
 mod ride_metrics;
 pub mod scenario;
 pub mod setup;

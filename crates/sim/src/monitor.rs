@@ -99,8 +99,9 @@ pub(crate) fn loaded_use_front(contact: &ContactForces, friction: f64) -> Option
 
 /// Holds the augmented system of the path follower to its energy account.
 ///
-/// The coupling of passive velocity field control does no work, so the stored energy may rise
-/// only by what the environment supplies and what the energy regulator (or its tank) injects.
+/// The coupling of passive velocity field control does no work, so the stored energy, with the content of
+/// the energy tank, may rise only by what the environment supplies; without a tank also by what the energy
+/// regulator injects.
 #[derive(Debug, Clone, Default)]
 pub struct PassivityMonitor {
     violations: u64,

@@ -152,6 +152,7 @@ impl Pilot {
                     supplied_power_w: energy.supplied_power,
                     regulator_power_w: energy.regulator_power,
                     energy_bound_j: energy.error_bound,
+                    energy_tank_j: energy.tank,
                     ..ControlSample::default()
                 };
                 Ok(PilotOutput {

@@ -23,6 +23,8 @@ const ROLL_OUT_STEP: f64 = 0.02;
 pub struct FieldFollower {
     own: LookAhead,
     pvfc: Pvfc,
+    /// As it was at the measurement: where a roll-out starts.
+    measured: Pvfc,
     account: EnergyAccount,
     point_mass: f64,
     limits: MotionLimits,
@@ -49,9 +51,11 @@ impl FieldFollower {
             .dot(&Vector2::new(along.cos(), along.sin()))
             .max(0.0);
         let field = VelocityField::new(params, path.speed_max());
+        let pvfc = Pvfc::new(params, field, projection.s, virtual_rate, point_rate);
         Self {
             own,
-            pvfc: Pvfc::new(params, field, projection.s, virtual_rate, point_rate),
+            pvfc,
+            measured: pvfc,
             account: EnergyAccount::default(),
             point_mass: params.point_mass,
             limits: MotionLimits::new(params, bike),
@@ -73,12 +77,30 @@ impl FieldFollower {
     /// One tick of `dt` seconds.
     pub fn step(&mut self, path: &FollowedPath, m: &Measurement, dt: f64) -> FollowStep {
         let (point, point_rate) = (self.own.point(m), self.own.velocity(m));
-        let step = self.pvfc.step(path, point, point_rate, dt);
+        self.measured = self.pvfc;
+        let step = self.pvfc.step(path, point, point_rate, self.lag(dt), dt);
         let energy = self.account.enter(&step, point_rate, self.point_mass, dt);
         FollowStep {
             acceleration: self.own.forward_acceleration(m, step.acceleration),
-            turning: Turning::YawAcceleration(self.own.yaw_acceleration(m, step.acceleration)),
+            turning: Turning::YawAcceleration(
+                self.own
+                    .yaw_acceleration(&self.by_then(m, self.lag(dt)), step.acceleration),
+            ),
             energy: Some(energy),
+        }
+    }
+
+    /// How late a command that is held for `dt` s turns the bike, s.
+    fn lag(&self, dt: f64) -> f64 {
+        self.limits.steer_lag + 0.5 * dt
+    }
+
+    /// The bike when a command given now turns it: with the steering angle that the present rate
+    /// makes by then.
+    fn by_then(&self, m: &Measurement, lag: f64) -> Measurement {
+        Measurement {
+            steer: (m.steer + m.steer_rate * lag).clamp(-self.limits.steer, self.limits.steer),
+            ..*m
         }
     }
 
@@ -96,13 +118,14 @@ impl FieldFollower {
         steps: usize,
         visit: &mut dyn FnMut(f64, f64),
     ) {
-        let mut pvfc = self.pvfc;
+        let mut pvfc = self.measured;
+        let lag = self.lag(ROLL_OUT_STEP.min(step));
         let advance = |bike: &mut RollingBike| {
             let m = bike.measured;
             let (point, rate) = (self.own.point(&m), self.own.velocity(&m));
-            let wanted = pvfc.step(path, point, rate, bike.dt()).acceleration;
+            let wanted = pvfc.step(path, point, rate, lag, bike.dt()).acceleration;
             let acceleration = bike.driven(self.own.forward_acceleration(&m, wanted));
-            let yaw = self.own.yaw_acceleration(&m, wanted);
+            let yaw = self.own.yaw_acceleration(&self.by_then(&m, lag), wanted);
             bike.roll(acceleration, self.own.steer_rate(&m, acceleration, yaw))
         };
         let grid = (step, steps, ROLL_OUT_STEP);

@@ -76,7 +76,7 @@ mod tests {
             lateral: 7.0,
             heading: 2.0,
             steer: 0.5,
-            lead: 0.1,
+            ..LateralLqrParams::default()
         };
         let (ke, kt) = LateralLqr::new(&params, WHEELBASE).gains();
         for v in [0.3, 1.0, 4.0] {

@@ -66,12 +66,19 @@ impl SteeringFollower {
     #[must_use]
     pub fn new(params: &FollowParams, bike: &BikeParams, projection: &Projection) -> Self {
         let w = bike.wheelbase;
-        let law = match params.controller {
-            FollowController::Stanley => SteeringLaw::Stanley(Stanley::new(&params.stanley)),
-            FollowController::Lqr => SteeringLaw::Lqr(LateralLqr::new(&params.lqr, w)),
-            FollowController::PurePursuit | FollowController::Pvfc => {
-                SteeringLaw::PurePursuit(PurePursuit::new(&params.pure_pursuit, w))
-            }
+        let (law, steering_gain) = match params.controller {
+            FollowController::Stanley => (
+                SteeringLaw::Stanley(Stanley::new(&params.stanley)),
+                params.stanley.steering_gain,
+            ),
+            FollowController::Lqr => (
+                SteeringLaw::Lqr(LateralLqr::new(&params.lqr, w)),
+                params.lqr.steering_gain,
+            ),
+            FollowController::PurePursuit | FollowController::Pvfc => (
+                SteeringLaw::PurePursuit(PurePursuit::new(&params.pure_pursuit, w)),
+                params.pure_pursuit.steering_gain,
+            ),
         };
         Self {
             law,
@@ -80,7 +87,7 @@ impl SteeringFollower {
                 wheelbase: w,
                 speed_floor: params.steering_speed_floor,
             },
-            steering_gain: params.steering_gain,
+            steering_gain,
             speed_gain: params.speed_gain,
             limits: MotionLimits::new(params, bike),
             virtual_time: projection.s,

@@ -110,6 +110,7 @@ impl Ride {
         let mut r = Report {
             start: state.pose.position,
             load_min: f64::INFINITY,
+            tank_min: f64::INFINITY,
             ..Report::default()
         };
         let (mut square_error, mut error_count, mut square_torque, mut cruise_ticks) =
@@ -267,7 +268,15 @@ pub struct Report {
     pub decoupling_min: f64,
     pub fallbacks: usize,
     pub violations: usize,
-    pub unexplained_max: f64,
+    /// The worst tick of the energy account, J.
+    pub residual_max: f64,
+    /// Content of the energy tank, J.
+    pub tank_start: Option<f64>,
+    pub tank_min: f64,
+    pub tank_end: f64,
+    /// What the full tank gave up, J, and what the surroundings supplied.
+    pub given_up: f64,
+    pub supplied: f64,
     pub end_error: f64,
     pub end_heading_error: f64,
     pub end_speed: f64,
@@ -285,9 +294,14 @@ impl Report {
         self.fallbacks += usize::from(out.fallback);
         if let Some(energy) = &out.energy {
             self.violations += usize::from(energy.is_violated(CONTROL_PERIOD));
-            self.unexplained_max = self
-                .unexplained_max
-                .max(energy.unexplained(CONTROL_PERIOD) + 1e-9);
+            self.residual_max = self.residual_max.max(energy.residual(CONTROL_PERIOD).abs());
+            if energy.strict {
+                self.tank_start.get_or_insert(energy.tank);
+                self.tank_end = energy.tank;
+                self.tank_min = self.tank_min.min(energy.tank);
+                self.given_up += energy.given_up;
+            }
+            self.supplied += energy.supplied_power * CONTROL_PERIOD;
         }
         if self.decoupling_min == 0.0 || out.decoupling < self.decoupling_min {
             self.decoupling_min = out.decoupling;

@@ -436,6 +436,8 @@ sampled! {
         regulator_power_w: f64,
         /// How far the integrator alone may raise the stored energy in a tick, J.
         energy_bound_j: f64,
+        /// Content of the tank that pays for the regulator, J; zero without a tank.
+        energy_tank_j: f64,
         /// Rise of stored energy beyond all that, J; positive is a violation.
         passivity_excess_j: f64,
         /// Measured rear contact, world frame, m.

@@ -279,6 +279,11 @@ pub struct PathSection {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.05, max = 5.0))]
     pub tangent_per_chord: Option<f64>,
+    /// Refit the path by a curve with continuous curvature through points of it this far apart, m. Without
+    /// it the path is ridden as given, and its jumps of curvature become ramps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.05, max = 100.0))]
+    pub refit_spacing_m: Option<f64>,
     /// A path file, relative to the scenario: `plan.json` as written by `bikebot plan -o`, or a
     /// centre line `.csv` with columns x, y in metres.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -2,6 +2,7 @@
 
 use super::{MAX_PATH_LENGTH, PathSource, Resolver, SetupError};
 use crate::path_file::{self, PathFileError};
+use crate::refit::refit;
 use crate::scenario::{PathSection, PlantModel};
 use bikebot_control::FollowedPath;
 use bikebot_geometry::{CurvePath, FergusonCurve, Pose2};
@@ -57,7 +58,11 @@ impl Resolver<'_> {
         } else {
             "path.waypoints"
         };
-        match CurvePath::new(curves) {
+        let path = CurvePath::new(curves).and_then(|path| match section.refit_spacing_m {
+            Some(spacing) if path.length() <= MAX_PATH_LENGTH => refit(&path, spacing),
+            _ => Ok(path),
+        });
+        match path {
             Ok(path) if path.length() < FollowedPath::MIN_LENGTH => self.refuse(
                 key,
                 format!("`{key}`: the path is {} m long", path.length()),
