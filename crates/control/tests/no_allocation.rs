@@ -7,7 +7,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use bikebot_control::{
-    BalanceController, BalanceLawKind, BalanceParams, FollowParams, Phase, RideController,
+    BalanceController, BalanceLawKind, BalanceParams, FollowController, FollowParams, Phase,
+    RideController,
 };
 use bikebot_dynamics::{
     BalancerMode, Bike, BikeInput, BikeParams, BikeState, Integrator, Measurement, Rk4,
@@ -52,11 +53,18 @@ fn allocations() -> usize {
 #[test]
 fn a_ride_from_start_to_hold_allocates_nothing_in_its_ticks() {
     for law in [BalanceLawKind::OutputZeroing, BalanceLawKind::Mpc] {
-        ride_from_start_to_hold(law);
+        ride_from_start_to_hold(law, FollowController::Pvfc);
+    }
+    for follower in [
+        FollowController::PurePursuit,
+        FollowController::Stanley,
+        FollowController::Lqr,
+    ] {
+        ride_from_start_to_hold(BalanceLawKind::OutputZeroing, follower);
     }
 }
 
-fn ride_from_start_to_hold(law: BalanceLawKind) {
+fn ride_from_start_to_hold(law: BalanceLawKind, follower: FollowController) {
     let before = allocations();
     drop(std::hint::black_box(vec![0u8; 16]));
     assert!(allocations() > before, "the counter does not count");
@@ -72,7 +80,10 @@ fn ride_from_start_to_hold(law: BalanceLawKind) {
     let mut controller = RideController::new(
         &bike,
         BalancerMode::Flywheel,
-        &FollowParams::default(),
+        &FollowParams {
+            controller: follower,
+            ..FollowParams::default()
+        },
         &BalanceParams {
             controller: law,
             steering_assist: true,
@@ -111,9 +122,9 @@ fn ride_from_start_to_hold(law: BalanceLawKind) {
             break;
         }
     }
-    assert_eq!(phases, [true; 4], "not every phase was ridden");
+    assert_eq!(phases, [true; 4], "{follower:?}: not every phase was ridden");
     assert_eq!(controller.phase(), Phase::Hold);
-    assert_eq!(ticks, 0);
+    assert_eq!(ticks, 0, "{follower:?}");
 }
 
 #[test]
