@@ -122,7 +122,10 @@ fn ride_from_start_to_hold(law: BalanceLawKind, follower: FollowController) {
             break;
         }
     }
-    assert_eq!(phases, [true; 4], "{follower:?}: not every phase was ridden");
+    assert_eq!(
+        phases, [true; 4],
+        "{follower:?}: not every phase was ridden"
+    );
     assert_eq!(controller.phase(), Phase::Hold);
     assert_eq!(ticks, 0, "{follower:?}");
 }

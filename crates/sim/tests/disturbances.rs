@@ -60,11 +60,12 @@ fn told(trace: &Trace) -> Vec<(f64, String)> {
 #[test]
 fn a_push_on_the_straight_is_recovered_and_recorded() {
     let (report, trace) = arrives("[{kind=\"push\",impulse_ns=10,time_s=4.0}]");
-    // §11.2, push10_straight: roll 6.3 deg, torque 63 N m, 12.2 rad/s.
+    // §11.2, push10_straight: roll 6.3 deg, torque 63 N m, 12.2 rad/s. Here the push meets a bike that leans
+    // against it.
     let m = &report.metrics;
     assert!(
         m.roll_max_deg
-            .is_some_and(|roll| (4.5..8.0).contains(&roll)),
+            .is_some_and(|roll| (4.0..8.0).contains(&roll)),
         "{m:?}"
     );
     assert!(
