@@ -52,6 +52,7 @@ fn dispatch(verb: &Verb, terminal: &Terminal) -> Ending {
         Verb::Table2(args) => commands::table2::run(args, terminal),
         Verb::Plot(args) => commands::plot::run(args, terminal),
         Verb::Sweep(args) => commands::sweep::run(args, terminal),
+        Verb::Compare(args) => commands::compare::run(args, terminal),
         Verb::Eigenvalues(args) => commands::eigenvalues::run(args, terminal),
         Verb::Check(args) => commands::check::run(args, terminal),
         Verb::Explain(args) => commands::explain::run(args, terminal),

@@ -603,7 +603,9 @@ impl<'s> Ride<'s> {
                 self.input = input;
                 self.friction = loads.friction;
             }
-            self.state = self.plant.step(t, &self.state, &input, dt);
+            let before = self.state;
+            self.state = self.plant.step(t, &before, &input, dt);
+            self.metrics.work(&before, &self.state, &input, dt);
         }
         saturation
     }

@@ -135,6 +135,10 @@ metrics! {
     balancer_speed_max_radps: f64, most;
     /// Greatest |balancer angle|, rad.
     balancer_angle_max_rad: f64, most;
+    /// Work the drive gave out, `∫ max(F v, 0) dt`, J; what braking takes up is not given back.
+    drive_work_j: f64, most;
+    /// Work the balancer's motor gave out, `∫ max(τ β̇, 0) dt`, J.
+    balancer_work_j: f64, most;
     /// Greatest speed of the rear contact, m/s.
     speed_max_mps: f64, most;
     /// Speed of the followed point at the largest path curvature more than 1.5 m from both ends, m/s.

@@ -3,7 +3,7 @@
 use crate::monitor::{loaded_use_front, loaded_use_rear};
 use crate::outcome::Metrics;
 use crate::scenario::PlantModel;
-use bikebot_dynamics::{BikeState, ContactForces};
+use bikebot_dynamics::{BikeInput, BikeState, ContactForces};
 use bikebot_geometry::{CurvePath, Point2, Pose2};
 
 /// The error of the followed point counts from here on, m of way.
@@ -45,6 +45,9 @@ pub(crate) struct RideMetrics {
     error_count: u64,
     torque_sum: f64,
     ticks: u64,
+    /// Work given out by the drive and by the balancer's motor, J.
+    drive_work: f64,
+    balancer_work: f64,
     corner: Option<f64>,
     corner_speed: Option<f64>,
     /// Progress of the rear contact and of the followed point along the planned path, m.
@@ -68,11 +71,23 @@ impl RideMetrics {
             error_count: 0,
             torque_sum: 0.0,
             ticks: 0,
+            drive_work: 0.0,
+            balancer_work: 0.0,
             corner,
             corner_speed: None,
             rear_s: 0.0,
             front_s: 0.0,
         }
+    }
+
+    /// Adds what the motors gave out in a step of `dt` seconds between two states. A motor that is driven takes
+    /// nothing back, so its power counts only where it is positive.
+    pub fn work(&mut self, from: &BikeState, to: &BikeState, input: &BikeInput, dt: f64) {
+        let given = |force: f64, from: f64, to: f64| {
+            0.5 * dt * ((force * from).max(0.0) + (force * to).max(0.0))
+        };
+        self.drive_work += given(input.drive_force, from.speed, to.speed);
+        self.balancer_work += given(input.balancer_torque, from.balancer_rate, to.balancer_rate);
     }
 
     /// Adds one tick; returns the rear contact's distance from the planned path, m.
@@ -166,6 +181,8 @@ impl RideMetrics {
             m.balancer_torque_rms_nm = Some((self.torque_sum / self.ticks as f64).sqrt());
         }
         m.distance_m = self.travels.then_some(self.distance);
+        m.drive_work_j = self.travels.then_some(self.drive_work);
+        m.balancer_work_j = self.balances.then_some(self.balancer_work);
         if self.error_count > 0 {
             m.lateral_error_rms_m = Some((self.error_sum / self.error_count as f64).sqrt());
         }

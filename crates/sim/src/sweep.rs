@@ -212,7 +212,7 @@ fn metric_names() -> impl Iterator<Item = &'static str> {
 }
 
 /// A field in quotes where commas, quotes or line ends ask for them.
-fn csv_field(text: &str) -> String {
+pub(crate) fn csv_field(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {

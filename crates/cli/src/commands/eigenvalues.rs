@@ -7,15 +7,15 @@ use std::str::FromStr;
 use bikebot_dynamics::whipple::{
     CriticalSpeeds, Modes, ParameterFile, ParameterFileError, SpeedRange, SteeringAssembly,
 };
-use bikebot_dynamics::{BikeParams, Whipple, WhippleParams};
+use bikebot_dynamics::{BalancerMode, BikeParams, Whipple, WhippleParams};
 use bikebot_report::{EigenvalueFigure, png, svg};
 use clap::Args;
 use serde::Serialize;
 
-use crate::args::{Force, positive};
+use crate::args::{Changes, Force, positive};
 use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
-use crate::input;
+use crate::input::{self, Loaded};
 use crate::output::Output;
 use crate::render::{self, Sheet};
 use crate::terminal::Terminal;
@@ -36,19 +36,20 @@ const CURVE_POINTS: usize = 301;
 /// BicycleParameters collection writes them (`w = 1.02+/-0.002` or YAML), or a
 /// preset: `benchmark` is the article's bicycle, `default` and `low_pivot` are
 /// the bike robot with its balancer locked in flywheel mode and the wheels, fork
-/// and steering axis of an e-bike. A preset's name wins over a file of the same
-/// name; write ./benchmark for the file.
+/// and steering axis of an e-bike. A scenario (.toml) stands for its own bike. A
+/// preset's name wins over a file of the same name; write ./benchmark for the file.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   bikebot eigenvalues benchmark
   bikebot eigenvalues benchmark -o benchmark.svg
   bikebot eigenvalues BrowserBenchmark.txt --speeds 0:8:33 -o browser.csv -o browser.png
+  bikebot eigenvalues scenarios/fig7.toml --speeds 1,2,3
   bikebot eigenvalues default --json | jq .stable
 
 The collection: https://github.com/moorepants/BicycleParameters")]
 pub struct EigenvaluesArgs {
-    /// Parameter file, or a preset: benchmark, default or low_pivot
+    /// Parameter file, scenario (.toml), or a preset: benchmark, default or low_pivot
     #[arg(value_name = "PARAMETERS")]
     pub parameters: PathBuf,
     /// Speeds of the table in m/s, A:B:N (N values from A to B) or A,B,… [default: 0 to 10 or
@@ -266,15 +267,7 @@ fn bicycle(named: &Path) -> Result<Bicycle, Failure> {
         });
     }
     if let Some(bike) = BikeParams::preset(&name) {
-        let assembly = SteeringAssembly::e_bike();
-        let params = WhippleParams::from_bike(&bike, bike.flywheel_offset, &assembly)
-            .map_err(|error| Failure::usage(Diagnostic::error(format!("{name}: {error}"))))?;
-        return Ok(Bicycle {
-            about: "balancer locked, wheels and fork of an e-bike".into(),
-            params,
-            deviations: Vec::new(),
-            name,
-        });
+        return robot(name, &bike, BalancerMode::Flywheel);
     }
     if named.symlink_metadata().is_err() && named.parent() == Some(Path::new("")) {
         let presets = BikeParams::PRESETS.join(", ");
@@ -282,6 +275,15 @@ fn bicycle(named: &Path) -> Result<Bicycle, Failure> {
             Diagnostic::error(format!("{name} is neither a file nor a preset"))
                 .help(format!("presets are {BENCHMARK}, {presets}")),
         ));
+    }
+    if named.extension().is_some_and(|ending| ending == "toml") {
+        let loaded = Loaded::read(named, &Changes::default())?;
+        let scenario = &loaded.file().scenario;
+        return robot(
+            scenario.name.clone(),
+            &scenario.bike.params,
+            scenario.bike.mode,
+        );
     }
     let bytes = input::read(named, MAX_PARAMETER_BYTES)?;
     let text = String::from_utf8(bytes).map_err(|error| {
@@ -300,6 +302,28 @@ fn bicycle(named: &Path) -> Result<Bicycle, Failure> {
         about: render::path(named),
         params: file.params,
         deviations: file.deviations,
+    })
+}
+
+/// The bike robot, balancer locked where `mode` has it.
+fn robot(name: String, bike: &BikeParams, mode: BalancerMode) -> Result<Bicycle, Failure> {
+    let assembly = SteeringAssembly::e_bike();
+    let params = WhippleParams::from_bike(bike, bike.offset(mode), &assembly).map_err(|error| {
+        let parts = assembly.rear_wheel.mass + assembly.front_wheel.mass + assembly.fork.mass;
+        Failure::usage(Diagnostic::error(format!("{name}: {error}")).note(format!(
+            "body B is what remains of the bike once wheels and fork, {} kg, are taken out",
+            render::coordinate(parts)
+        )))
+    })?;
+    let mode = match mode {
+        BalancerMode::Flywheel => "flywheel",
+        BalancerMode::Balancer => "balancer",
+    };
+    Ok(Bicycle {
+        about: format!("balancer locked in {mode} mode, wheels and fork of an e-bike"),
+        params,
+        deviations: Vec::new(),
+        name,
     })
 }
 

@@ -1,6 +1,7 @@
 //! One file per verb: its flags, and what it does.
 
 pub mod check;
+pub mod compare;
 pub mod completions;
 pub mod eigenvalues;
 pub mod explain;

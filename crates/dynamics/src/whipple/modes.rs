@@ -262,8 +262,9 @@ fn ordered([a, b]: [Complex<f64>; 2]) -> [Complex<f64>; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::params::WhippleParams;
+    use super::super::params::{PARAMETERS, WhippleParams};
     use super::*;
+    use proptest::prelude::*;
 
     fn benchmark() -> Whipple {
         Whipple::new(&WhippleParams::benchmark()).unwrap()
@@ -346,6 +347,36 @@ mod tests {
             let mut values: Vec<_> = modes.iter().map(|(_, value)| value).collect();
             values.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
             assert_eq!(values, bicycle.eigenvalues(modes.speed).unwrap());
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        /// Bicycles of all sorts: trails and tilts of either sign, heavy forks, small wheels, no rider.
+        #[test]
+        fn the_modes_of_any_bicycle_are_its_eigenvalues(
+            factors in proptest::collection::vec(0.3_f64..2.0, 26),
+            trail in -0.2_f64..0.3,
+            tilt in -0.5_f64..1.0,
+        ) {
+            let mut params = WhippleParams::benchmark();
+            for (parameter, factor) in PARAMETERS.iter().zip(&factors) {
+                let value = factor * (parameter.get)(&params);
+                (parameter.set)(&mut params, value);
+            }
+            params.trail = trail;
+            params.tilt = tilt;
+            let Ok(bicycle) = Whipple::new(&params) else {
+                return Ok(());
+            };
+            for modes in bicycle.modes(&[0.0, 0.7, 3.0, 7.0, 25.0]).unwrap() {
+                let mut values: Vec<_> = modes.iter().map(|(_, value)| value).collect();
+                values.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
+                prop_assert_eq!(values, bicycle.eigenvalues(modes.speed).unwrap());
+                // The weave is a pair or two real ones, never half of each.
+                prop_assert_eq!(modes.weave[0].im, -modes.weave[1].im);
+            }
         }
     }
 

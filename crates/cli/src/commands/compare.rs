@@ -1,0 +1,182 @@
+//! `bikebot compare`: one scenario over several plants and controllers.
+
+use std::path::PathBuf;
+
+use bikebot_sim::study::{CompareError, CompareStudy, Controllers, Known};
+use bikebot_sim::sweep::SweepError;
+use clap::{Args, ValueEnum};
+
+use crate::args::{Changes, Force, Jobs, ScenarioArg};
+use crate::diag::Diagnostic;
+use crate::exit::{Ending, Exit, Failure};
+use crate::input::Loaded;
+use crate::interrupt;
+use crate::output::Output;
+use crate::render;
+use crate::terminal::Terminal;
+
+/// Run one scenario over several plants and controllers, and table the differences
+///
+/// Every plant is combined with every pair of controllers. The first combination is
+/// the one the others are compared with: roll, torque, errors, and the work the
+/// motors gave out. All combinations run at the same seed.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  bikebot compare scenarios/course.toml --plants bike3d,two_link,kinematic
+  bikebot compare scenarios/course.toml --controllers pvfc,pure_pursuit,stanley,lqr+
+  bikebot compare scenarios/course.toml --controllers pvfc+output_zeroing,lqr+lqr
+  bikebot compare scenarios/fig7.toml --plants bike3d,two_link --format markdown -o fig7.md
+
+A controller is a path follower (FOLLOWER), a balance law (LAW) or both
+(FOLLOWER+LAW); a name that is both is told apart by its plus sign: `lqr+` follows,
+`+lqr` balances. What is not named stays as the scenario says. `two_link` stands
+still: it gets the scenario without its way.")]
+pub struct CompareArgs {
+    #[command(flatten)]
+    pub scenario: ScenarioArg,
+    /// Plants, the first one first: bike3d, two_link, kinematic, … [default: the scenario's]
+    #[arg(long, value_name = "PLANT,…", value_delimiter = ',')]
+    pub plants: Vec<String>,
+    /// Controllers, each FOLLOWER, LAW or FOLLOWER+LAW [default: the scenario's]
+    #[arg(long, value_name = "FOLLOWER+LAW,…", value_delimiter = ',')]
+    pub controllers: Vec<String>,
+    /// How to write the table
+    #[arg(
+        long,
+        value_name = "FORMAT",
+        default_value = "text",
+        hide_possible_values = true,
+        help = "How to write the table: text, markdown, csv or json"
+    )]
+    pub format: Format,
+    /// The same as --format json
+    #[arg(long, conflicts_with = "format")]
+    pub json: bool,
+    #[command(flatten)]
+    pub changes: Changes,
+    #[command(flatten)]
+    pub jobs: Jobs,
+    /// Write the table to this file
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub force: Force,
+}
+
+/// How to write the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Blocks of four columns.
+    Text,
+    /// A table in Markdown.
+    Markdown,
+    /// One line per run.
+    Csv,
+    /// One object.
+    Json,
+}
+
+/// Compares, and tells.
+pub fn run(args: &CompareArgs, terminal: &Terminal) -> Ending {
+    let known = Known::from_schema();
+    let controllers = args
+        .controllers
+        .iter()
+        .map(|text| Controllers::parse(text, &known).map_err(|error| tell_name(&error, text)))
+        .collect::<Result<Vec<_>, _>>()?;
+    let loaded = Loaded::read(&args.scenario.scenario, &args.changes)?;
+    let output = match &args.output {
+        Some(path) => Some(Output::create(path, args.force.force)?),
+        None => None,
+    };
+    interrupt::install()?;
+    let study = CompareStudy {
+        file: loaded.file(),
+        plants: &args.plants,
+        controllers: &controllers,
+        read: &|inner| loaded.read_file(inner),
+        jobs: args.jobs.count(),
+        stop: &interrupt::asked,
+    };
+    let bar = terminal.progress(study.runs() as u64, "comparing");
+    let comparison = study.measure(&mut || bar.inc(1));
+    bar.finish_and_clear();
+    let comparison = match comparison {
+        Ok(comparison) => comparison,
+        Err(error) => {
+            if let Some(output) = output {
+                output.discard();
+            }
+            return Err(tell(&loaded, error, &known));
+        }
+    };
+    let text = match (args.json, args.format) {
+        (true, _) | (_, Format::Json) => format!("{}\n", comparison.to_json()),
+        (_, Format::Text) => {
+            let runs = render::count(comparison.columns.len() as u64, "run");
+            let (name, seed) = (&comparison.scenario, comparison.seed);
+            format!(
+                "{name}: {runs} at seed {seed}, compared with the first\n\n{}",
+                comparison.to_text()
+            )
+        }
+        (_, Format::Markdown) => comparison.to_markdown(),
+        (_, Format::Csv) => comparison.to_csv(),
+    };
+    match output {
+        Some(output) => {
+            let path = output.write_all(text.as_bytes())?;
+            terminal.remark(&format!("wrote {}", render::path(&path)));
+        }
+        None => terminal.print(&text)?,
+    }
+    // That a combination falls is what the table tells, not a failure of it.
+    Ok(if comparison.interrupted {
+        Exit::Interrupted
+    } else {
+        Exit::Done
+    })
+}
+
+/// What is wrong with a name of `--controllers`.
+fn tell_name(error: &CompareError, typed: &str) -> Failure {
+    let diagnostic = Diagnostic::error(format!("invalid --controllers {typed}: {error}"));
+    Failure::usage(match error {
+        CompareError::Ambiguous(name) => diagnostic.help(format!(
+            "write {name}+ for the path follower, +{name} for the balance law"
+        )),
+        _ => diagnostic,
+    })
+}
+
+/// What is wrong with a comparison that did not begin.
+fn tell(loaded: &Loaded, error: CompareError, known: &Known) -> Failure {
+    let help = match &error {
+        CompareError::Sweep(SweepError::Scenario(error)) => {
+            return Failure::usage(loaded.tell(error));
+        }
+        CompareError::Sweep(SweepError::Threads(_)) => {
+            return Failure::io(Diagnostic::error(error.to_string()));
+        }
+        CompareError::Alone => {
+            let laws = [known.followers.as_slice(), &known.balance_laws].concat();
+            format!(
+                "name several of --plants {} or --controllers {}",
+                known.plants.join(","),
+                laws.join(",")
+            )
+        }
+        CompareError::TooMany(_) => "name fewer plants or controllers".to_owned(),
+        _ => String::new(),
+    };
+    if let CompareError::Sweep(SweepError::Setup(error)) = error {
+        return loaded.tell_setup(error, &std::collections::BTreeMap::new());
+    }
+    let diagnostic = Diagnostic::error(error.to_string());
+    Failure::usage(if help.is_empty() {
+        diagnostic
+    } else {
+        diagnostic.help(help)
+    })
+}
