@@ -283,14 +283,33 @@ impl FergusonCurve {
     pub fn heading_rate_bound(&self, t0: f64, t1: f64) -> f64 {
         let h = self.hodograph();
         let turn = max_abs_quadratic(&h.turn(), t0, t1);
-        let slowest = minimum(&squared_norm_coefficients(&h.control(t0, t1)));
-        if turn == 0.0 && slowest > 0.0 {
-            0.0
-        } else if slowest > 0.0 {
-            turn / slowest
+        over_slowest(
+            turn,
+            minimum(&squared_norm_coefficients(&h.control(t0, t1))),
+        )
+    }
+
+    /// Upper bounds of |dθ/dT| and of |d²θ/dT²| = |N′ − θ′ D′|/D for `T` in `[t0, t1]`, rad per unit of `T` and of its square.
+    ///
+    /// Infinite where [`Self::heading_rate_bound`] is.
+    #[must_use]
+    pub fn heading_bounds(&self, t0: f64, t1: f64) -> (f64, f64) {
+        let h = self.hodograph();
+        let turn = h.turn();
+        let control = h.control(t0, t1);
+        let slowest = minimum(&squared_norm_coefficients(&control));
+        let rate = over_slowest(max_abs_quadratic(&turn, t0, t1), slowest);
+        // N′ is linear, and so is P″; |P′| is at most the farthest of its control points.
+        let n = |t: f64| (turn[1] + 2.0 * turn[2] * t).abs();
+        let second = |t: f64| (2.0 * t * h.a + h.b).norm();
+        let fastest = control.iter().map(|q| q.norm()).fold(0.0, f64::max);
+        let widest = second(t0).max(second(t1));
+        let change = if rate == 0.0 {
+            n(t0).max(n(t1))
         } else {
-            f64::INFINITY
-        }
+            n(t0).max(n(t1)) + 2.0 * rate * fastest * widest
+        };
+        (rate, over_slowest(change, slowest))
     }
 
     /// `[a, b, c]` of Eq. (3) multiplied out; `d` is the start point.
@@ -466,6 +485,15 @@ fn max_abs_quadratic(p: &[f64; 3], t0: f64, t1: f64) -> f64 {
         }
     }
     largest
+}
+
+/// A bound of a quotient by D, of which `slowest` is a lower bound; infinite where that excludes nothing.
+fn over_slowest(numerator: f64, slowest: f64) -> f64 {
+    if slowest <= 0.0 {
+        f64::INFINITY
+    } else {
+        numerator / slowest
+    }
 }
 
 /// Bernstein coefficients of |q|² for a quadratic `q` with control points `q`.
@@ -831,6 +859,20 @@ mod tests {
             prop_assert!(d1.norm() <= curve.speed_bound() * (1.0 + 1e-12));
             let rate = cross(d1, curve.second_derivative(t)).abs() / d1.norm_squared();
             prop_assert!(rate <= curve.heading_rate_bound(t0, t0 + w) * (1.0 + 1e-9));
+            let (first, second) = curve.heading_bounds(t0, t0 + w);
+            prop_assert_eq!(first, curve.heading_rate_bound(t0, t0 + w));
+            // θ″ by a difference of θ′ on both sides, whose own error shrinks with the step.
+            let step = 1e-5;
+            let rate_at = |t: f64| {
+                let d1 = curve.derivative(t);
+                cross(d1, curve.second_derivative(t)) / d1.norm_squared()
+            };
+            let (a, b) = (t - step, t + step);
+            if curve.heading_bounds(a, b).1.is_finite() && second.is_finite() {
+                let change = (rate_at(b) - rate_at(a)).abs() / (2.0 * step);
+                let wider = curve.heading_bounds(t0.min(a), (t0 + w).max(b)).1;
+                prop_assert!(change <= wider * (1.0 + 1e-6) + 1e-6, "{change} {wider}");
+            }
         }
 
         #[test]

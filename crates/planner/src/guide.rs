@@ -355,7 +355,10 @@ mod tests {
             for leg in way.windows(2) {
                 assert!(checker.is_segment_free(leg[0], leg[1]));
             }
-            assert!(checker.least_clearance_of_polyline(&way, 1e-3) >= 0.05 - 1e-3);
+            assert!(
+                checker.least_clearance_of_polyline(&way, crate::motion::Tolerance::of(1e-3))
+                    >= 0.05 - 1e-3
+            );
         }
     }
 

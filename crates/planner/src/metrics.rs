@@ -11,7 +11,7 @@
 //! * **jump**: largest |σ(1⁻) − σ(0⁺)| between neighbouring curves. A curvature that jumps cannot be steered exactly.
 //! * **least clearance** of the swept footprint: a proven lower bound.
 
-use crate::motion::MotionChecker;
+use crate::motion::{MotionChecker, Tolerance};
 use crate::report::PlannedPath;
 use bikebot_geometry::{Point2, Vector2, cross};
 use serde::{Deserialize, Serialize};
@@ -58,14 +58,14 @@ pub struct PathMetrics {
 }
 
 impl PathMetrics {
-    /// Measures `path`. The least clearance is found to within `tolerance` (m).
+    /// Measures `path`. The least clearance is found to within `tolerance`.
     #[must_use]
     pub fn of(
         path: &PlannedPath,
         checker: &MotionChecker<'_>,
         goal: Point2,
         lower_bound: Option<f64>,
-        tolerance: f64,
+        tolerance: Tolerance,
     ) -> Self {
         let length = path.length();
         let end = path.end();

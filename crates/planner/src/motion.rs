@@ -13,7 +13,7 @@
 //! Every query and bound may be infinite or not a number (a cusp turns infinitely fast, input may be nonsense): comparisons
 //! are written so that anything but a proof refuses, and the work per motion is bounded.
 
-use bikebot_geometry::{CurvePath, FergusonCurve, ParametricCurve, Point2, Pose2, Vector2};
+use bikebot_geometry::{CurvePath, FergusonCurve, ParametricCurve, Point2, Pose2, Vector2, angle};
 use bikebot_world::{Footprint, FootprintDisc, World};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -235,17 +235,17 @@ impl<'w> MotionChecker<'w> {
         }
     }
 
-    /// Least clearance of the footprint along a chain of curves, m: a value the clearance is nowhere below, and at most
-    /// `tolerance` (m) less than the least value there is.
+    /// Least clearance of the footprint along a chain of curves, m: a value the clearance is nowhere below, and less than the least value
+    /// there is by no more than `tolerance` allows.
     #[must_use]
-    pub fn least_clearance_of_path(&self, path: &CurvePath, tolerance: f64) -> f64 {
+    pub fn least_clearance_of_path(&self, path: &CurvePath, tolerance: Tolerance) -> f64 {
         let motions: Vec<_> = path.segments().iter().map(Curved::new).collect();
         self.least_clearance(&motions, tolerance)
     }
 
     /// The same along a polyline, the heading along each leg; the turns on the spot at its vertices are not looked at.
     #[must_use]
-    pub fn least_clearance_of_polyline(&self, vertices: &[Point2], tolerance: f64) -> f64 {
+    pub fn least_clearance_of_polyline(&self, vertices: &[Point2], tolerance: Tolerance) -> f64 {
         if let [only] = vertices {
             return self.position_clearance(*only);
         }
@@ -260,26 +260,19 @@ impl<'w> MotionChecker<'w> {
     ///
     /// Of an interval the clearances `a` and `b` at its ends are known, and two bounds on what lies between. One is that of the
     /// sweep from both ends, (a + b − V Δt)/2. Beside a wall that is poor: it needs an interval for each tolerance's worth of way. But
-    /// a footprint moved without turning meets no obstacle in the discs of radius a and b about both ends of its way,
+    /// no point of the footprint meets an obstacle in the discs of radius a and b about both ends of its own way,
     /// and for ends L apart the point between them nearest to the outside of both discs is √(a² − x²) from it, at
-    /// x = (L² + a² − b²)/(2L) from the first. What the way deviates from its chord, and what the footprint turns, is
-    /// taken off.
-    fn least_clearance(&self, motions: &[impl Motion], tolerance: f64) -> f64 {
-        let tolerance = tolerance.max(1e-9);
+    /// x = (L² + a² − b²)/(2L) from the first. That falls with L, so the longest of these chords counts; and what the points' ways deviate
+    /// from their chords, A Δt²/8, is taken off.
+    fn least_clearance(&self, motions: &[impl Motion], tolerance: Tolerance) -> f64 {
         let mut best = f64::INFINITY;
         let mut open = BinaryHeap::new();
         for (index, motion) in motions.iter().enumerate() {
-            // Whatever its heading, the footprint is within its reach of the middle of the way and half the way. Most of a path is far from
-            // everything, and its clearance is then never asked for.
-            let middle = motion.pose(0.5).position;
-            let bound =
-                self.world.clearance_lower_bound(middle) - self.reach - 0.5 * motion.speed();
+            // Most of a path is far from everything, as a look at the clearance field tells; its clearance is then never asked for.
+            let middle = self.lower_bound(&motion.pose(0.5), f64::NEG_INFINITY);
+            let bound = proven(middle - 0.5 * self.rate(motion, 0.0, 1.0));
             open.push(Interval {
-                bound: if bound.is_nan() {
-                    f64::NEG_INFINITY
-                } else {
-                    bound
-                },
+                bound,
                 index,
                 from: (0.0, UNASKED),
                 to: (1.0, UNASKED),
@@ -288,14 +281,27 @@ impl<'w> MotionChecker<'w> {
         let mut queries = 0;
         while let Some(interval) = open.pop() {
             queries += 1;
-            if best - interval.bound <= tolerance || queries > MAX_QUERIES {
+            if best - interval.bound <= tolerance.at(best) || queries > MAX_QUERIES {
                 return interval.bound.min(best);
             }
             let motion = &motions[interval.index];
             if interval.from.1 == UNASKED {
+                // One question in the middle often says that the way is far from what is nearest.
+                let middle = (0.5, self.pose_clearance(&motion.pose(0.5)));
+                best = best.min(middle.1);
+                open.push(Interval {
+                    bound: proven(middle.1 - 0.5 * self.rate(motion, 0.0, 1.0)),
+                    index: interval.index,
+                    from: middle,
+                    to: middle,
+                });
+                continue;
+            }
+            if interval.from.0 == interval.to.0 {
                 let [from, to] = [0.0, 1.0].map(|t| (t, self.pose_clearance(&motion.pose(t))));
                 best = best.min(from.1).min(to.1);
-                open.push(self.interval(motion, interval.index, from, to));
+                open.push(self.interval(motion, interval.index, from, interval.from));
+                open.push(self.interval(motion, interval.index, interval.to, to));
                 continue;
             }
             let middle = 0.5 * (interval.from.0 + interval.to.0);
@@ -316,23 +322,22 @@ impl<'w> MotionChecker<'w> {
         to: (f64, f64),
     ) -> Interval {
         let part = to.0 - from.0;
-        let turned = if self.round.is_some() {
-            0.0
-        } else {
-            self.reach * motion.heading_rate(from.0, to.0) * part
-        };
-        let swept = 0.5 * (from.1 + to.1 - motion.speed() * part - turned);
-        let deviation = 0.125 * motion.acceleration(from.0, to.0) * part * part;
-        let chord = (motion.pose(to.0).position - motion.pose(from.0).position).norm();
-        let between = clearance_between(from.1, to.1 - turned, chord) - deviation - turned;
+        let (a, b) = (motion.pose(from.0), motion.pose(to.0));
+        let mut chord = (b.position - a.position).norm();
+        let mut rate = motion.speed();
+        let mut acceleration = motion.acceleration(from.0, to.0);
+        if self.round.is_none() {
+            let (turn_rate, turn_acceleration) = motion.turning(from.0, to.0);
+            chord += 2.0 * self.reach * (0.5 * angle::difference(b.heading, a.heading)).sin().abs();
+            rate += self.reach * turn_rate;
+            acceleration += self.reach * (turn_acceleration + turn_rate * turn_rate);
+        }
+        let swept = 0.5 * (from.1 + to.1 - rate * part);
+        let deviation = 0.125 * acceleration * part * part;
+        let between = clearance_between(from.1, to.1, chord) - deviation;
         let bound = if between > swept { between } else { swept };
         Interval {
-            // Not a number is no bound at all.
-            bound: if bound.is_nan() {
-                f64::NEG_INFINITY
-            } else {
-                bound
-            },
+            bound: proven(bound),
             index,
             from,
             to,
@@ -368,6 +373,8 @@ trait Motion {
     fn speed(&self) -> f64;
     /// Bound on |dθ/dT| between two parameters.
     fn heading_rate(&self, from: f64, to: f64) -> f64;
+    /// Bounds on |dθ/dT| and |d²θ/dT²| between two parameters.
+    fn turning(&self, from: f64, to: f64) -> (f64, f64);
     /// Bound on |d²P/dT²| between two parameters.
     fn acceleration(&self, from: f64, to: f64) -> f64;
 }
@@ -407,6 +414,10 @@ impl Motion for Straight {
         0.0
     }
 
+    fn turning(&self, _: f64, _: f64) -> (f64, f64) {
+        (0.0, 0.0)
+    }
+
     fn acceleration(&self, _: f64, _: f64) -> f64 {
         0.0
     }
@@ -442,6 +453,10 @@ impl Motion for Curved<'_> {
         self.curve.heading_rate_bound(from, to)
     }
 
+    fn turning(&self, from: f64, to: f64) -> (f64, f64) {
+        self.curve.heading_bounds(from, to)
+    }
+
     fn acceleration(&self, from: f64, to: f64) -> f64 {
         // Linear in T, so largest at an end.
         let at = |t| self.curve.second_derivative(t).norm();
@@ -449,11 +464,51 @@ impl Motion for Curved<'_> {
     }
 }
 
+/// How closely a least value is looked for: to the greater of the two.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerance {
+    /// m.
+    pub absolute: f64,
+    /// Part of the value.
+    pub relative: f64,
+}
+
+impl Tolerance {
+    /// To so many metres.
+    #[must_use]
+    pub fn of(absolute: f64) -> Self {
+        Self {
+            absolute,
+            relative: 0.0,
+        }
+    }
+
+    /// m, for the least found so far, which is infinite before any is.
+    fn at(&self, value: f64) -> f64 {
+        let relative = if value.is_finite() {
+            self.relative * value
+        } else {
+            0.0
+        };
+        self.absolute.max(relative).max(1e-9)
+    }
+}
+
+/// What is proven by `bound`: not a number proves nothing.
+fn proven(bound: f64) -> f64 {
+    if bound.is_nan() {
+        f64::NEG_INFINITY
+    } else {
+        bound
+    }
+}
+
 /// An interval of one motion with a lower bound of the clearance on it; the least bound is the greatest entry of a heap.
 struct Interval {
+    /// Of the clearance on the whole motion, while the interval is but its middle.
     bound: f64,
     index: usize,
-    /// Parameter, and the clearance there (m).
+    /// Parameter, and the clearance there (m). Both are the same point where only that has been asked for.
     from: (f64, f64),
     to: (f64, f64),
 }

@@ -20,7 +20,7 @@ use crate::connectivity;
 use crate::error::PlanError;
 use crate::full::Full;
 use crate::metrics::PathMetrics;
-use crate::motion::MotionChecker;
+use crate::motion::{MotionChecker, Tolerance};
 use crate::params::{GoalMode, Method, PlannerParams};
 use crate::problem::{EndPose, PlanningProblem};
 use crate::report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};
@@ -33,8 +33,6 @@ use std::f64::consts::PI;
 
 /// Iterations for the lower bound of methods that do not need it themselves: a millisecond or two.
 const BOUND_ITERATIONS: u64 = 1000;
-/// How closely the least clearance of a path is found, in units of δ: to 2 mm on the yard.
-pub(crate) const CLEARANCE_TOLERANCE: f64 = 0.1;
 
 /// Plans a path for `problem.footprint` from `problem.start` into `problem.goal`.
 ///
@@ -458,7 +456,7 @@ impl Run<'_, '_, '_> {
         let lower_bound = self.lower_bound.or_else(|| self.shortest_length());
         let metrics = path.as_ref().map(|path| {
             let goal = &self.problem.goal;
-            let tolerance = CLEARANCE_TOLERANCE * self.params.clearance_resolution();
+            let tolerance = clearance_tolerance(self.params);
             let mut metrics =
                 PathMetrics::of(path, &self.checker, goal.position, lower_bound, tolerance);
             // Every motion of the path was accepted, which proves the margin; the search for the least stops a tolerance short.
@@ -485,6 +483,15 @@ fn polyline(path: Vec<Point2>) -> (End, Option<PlannedPath>) {
     match Polyline::new(path) {
         Ok(line) => (End::Found, Some(PlannedPath::Polyline(line))),
         Err(_) => (End::NoWay, None),
+    }
+}
+
+/// How closely the least clearance of a path is found: to a tenth of δ, 2 mm on the yard, or a twentieth of itself. On a long way round many
+/// obstacles every further millimetre costs hundreds of questions.
+pub(crate) fn clearance_tolerance(params: &PlannerParams) -> Tolerance {
+    Tolerance {
+        absolute: 0.1 * params.clearance_resolution(),
+        relative: 0.05,
     }
 }
 

@@ -108,7 +108,7 @@ proptest! {
         let world = yard();
         for footprint in &all() {
             let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
-            let least = checker.least_clearance(&[Curved::new(&curve)], 1e-4);
+            let least = checker.least_clearance(&[Curved::new(&curve)], Tolerance::of(1e-4));
             if least > 0.01 + 1e-6 {
                 prop_assert!(checker.is_curve_free(&curve), "{footprint:?}: {least}");
             }
@@ -121,7 +121,7 @@ proptest! {
         let world = yard();
         for footprint in &all() {
             let checker = MotionChecker::new(&world, footprint, 0.0, 0.02);
-            let bound = checker.least_clearance(&[Curved::new(&curve)], 1e-3);
+            let bound = checker.least_clearance(&[Curved::new(&curve)], Tolerance::of(1e-3));
             let sampled = least_sampled(&checker, |t| Pose2 {
                 position: curve.point(t),
                 heading: curve.heading(t),
@@ -148,8 +148,8 @@ proptest! {
         }
         prop_assume!(curve.is_within_curvature(5.0));
         let (a, b) = (
-            cart.least_clearance(&[Curved::new(&curve)], 1e-3),
-            polygon.least_clearance(&[Curved::new(&curve)], 1e-3),
+            cart.least_clearance(&[Curved::new(&curve)], Tolerance::of(1e-3)),
+            polygon.least_clearance(&[Curved::new(&curve)], Tolerance::of(1e-3)),
         );
         // Both within their tolerance below the same truth.
         prop_assert!((a - b).abs() <= 1e-3 + 1e-9, "{a} {b}");
@@ -300,7 +300,7 @@ fn beside_a_long_wall_the_least_clearance_is_found_within_its_tolerance() {
         (l_shape(), 0.7),
     ] {
         let checker = MotionChecker::new(&world, &footprint, 0.0, 0.02);
-        let least = checker.least_clearance_of_polyline(&[a, b], 1e-4);
+        let least = checker.least_clearance_of_polyline(&[a, b], Tolerance::of(1e-4));
         assert!(
             least <= expected + 1e-9 && least >= expected - 1e-4 - 1e-9,
             "{least}"
@@ -370,7 +370,7 @@ proptest! {
             // Rounding of coordinates: a few ulp of the distance from the origin.
             let rounding = 1e-14 * (away + 10.0 * scale);
             prop_assert!(least >= -rounding, "{least:e} {curve:?}");
-            let bound = checker.least_clearance(&[Curved::new(&curve)], 1e-3 * scale);
+            let bound = checker.least_clearance(&[Curved::new(&curve)], Tolerance::of(1e-3 * scale));
             prop_assert!(bound <= least + rounding, "{bound} {least} {curve:?}");
         }
     }

@@ -398,7 +398,7 @@ impl Case<'_, '_> {
         let metrics = path.as_ref().map(|path| {
             let goal = self.problem.goal.position;
             let straight = (goal - self.problem.start.position).norm();
-            let tolerance = pipeline::CLEARANCE_TOLERANCE * self.params.clearance_resolution();
+            let tolerance = pipeline::clearance_tolerance(&self.params);
             let mut metrics = PathMetrics::of(path, &self.checker, goal, Some(straight), tolerance);
             metrics.min_clearance = metrics.min_clearance.max(self.params.margin);
             metrics
