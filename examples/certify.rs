@@ -1,10 +1,12 @@
 //! The campaign behind "certified": plans over random fields, the shipped scenes and, where they are at hand, real maps, each
 //! checked twice by code that the planner does not use.
 //!
-//! `cargo run --release --example certify -- 2000 ../shared/data/movingai`
+//! `cargo run --release --example certify -- 2000 scenarios/maps/fig6.json ../shared/data/movingai`
 //!
-//! The first argument is the number of plans over random fields, the others are folders of MovingAI maps with problems. Every plan found
-//! is proven again by `planner::verify` and sampled densely against the exact shapes. Ends with 1 if anything does not hold.
+//! The first argument is the number of plans over random fields. Of the others, a map with a start and a goal of its own is asked for its
+//! way with 100 seeds; a map without, for 100 ways between random ends, with a point, discs, capsules and boxes; a folder of MovingAI maps,
+//! for its problems. Every plan found is proven again by `planner::verify` and sampled densely against the exact shapes. Ends with 1 if
+//! anything does not hold.
 
 #![allow(clippy::print_stdout, reason = "an example shows what it found")]
 
@@ -195,28 +197,33 @@ fn end(chance: &mut Chance, size: f64) -> EndPose {
     }
 }
 
+/// A point, a disc, a capsule or a box by turns, of the size of a bike on a field of 100 units.
+fn footprint(chance: &mut Chance, turn: u64, unit: f64) -> Footprint {
+    match turn % 4 {
+        0 => Footprint::Point,
+        1 => Footprint::Disc {
+            radius: unit * chance.between(0.1, 1.0),
+        },
+        2 => Footprint::Capsule {
+            rear: -0.2 * unit,
+            front: unit * chance.between(0.5, 2.0),
+            radius: unit * chance.between(0.1, 0.6),
+        },
+        _ => Footprint::Rectangle {
+            rear: -0.4 * unit,
+            front: unit * chance.between(0.5, 2.0),
+            half_width: unit * chance.between(0.1, 0.6),
+        },
+    }
+}
+
 fn random_fields(plans: u64) -> Tally {
     let mut tally = Tally::default();
     for seed in 0..plans {
         let mut chance = Chance::new(seed, Purpose::Rrt, 0);
         let (world, size) = field(&mut chance);
         let unit = size / 100.0;
-        let footprint = match seed % 4 {
-            0 => Footprint::Point,
-            1 => Footprint::Disc {
-                radius: unit * chance.between(0.1, 1.0),
-            },
-            2 => Footprint::Capsule {
-                rear: -0.2 * unit,
-                front: unit * chance.between(0.5, 2.0),
-                radius: unit * chance.between(0.1, 0.6),
-            },
-            _ => Footprint::Rectangle {
-                rear: -0.4 * unit,
-                front: unit * chance.between(0.5, 2.0),
-                half_width: unit * chance.between(0.1, 0.6),
-            },
-        };
+        let footprint = footprint(&mut chance, seed, unit);
         let (start, goal) = (end(&mut chance, size), end(&mut chance, size));
         let max_curvature = chance.between(0.2, 2.0) / unit;
         let params = PlannerParams {
@@ -238,6 +245,85 @@ fn random_fields(plans: u64) -> Tally {
         tally.take("random field", &problem, &params, seed);
     }
     tally
+}
+
+/// A hundred plans on one map: for its own start and goal, or for random ends.
+fn map_file(path: &Path) -> std::io::Result<Tally> {
+    let shown = path.display().to_string();
+    let bytes = std::fs::read(path)?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let mut inner =
+        |name: &str| std::fs::read(folder.join(name)).map_err(|error| format!("{name}: {error}"));
+    // The scale of a bare picture is nobody's but ours.
+    let bare = path.extension().is_some_and(|ending| ending == "png");
+    let options = MapOptions {
+        meters_per_cell: bare.then_some(0.1),
+        ..MapOptions::default()
+    };
+    let map = load(&shown, &bytes, &options, &mut inner)
+        .map_err(|error| std::io::Error::other(error.to_string()))?;
+    map.world.prepare(&|| false);
+    let bounds = map.world.bounds();
+    // The shipped scenes, whose ends are their own, are asked for the way of a point.
+    let scene = path.file_stem().and_then(|stem| stem.to_str());
+    let unit = match scene.filter(|_| map.start.is_some()) {
+        Some("fig7") => 0.4,
+        Some("clutter200") => 4.0,
+        Some("clutter2000") => 2.0,
+        Some(_) => 1.0,
+        None => bounds.width().min(bounds.height()) / 100.0,
+    };
+    let mut tally = Tally::default();
+    for seed in 0..100 {
+        let mut chance = Chance::new(seed, Purpose::Rrt, 1);
+        let mut at = || {
+            let p = chance.point_in(bounds.min, bounds.max);
+            if chance.unit() < 0.5 {
+                EndPose::pose(p.x, p.y, chance.between(-3.1, 3.1))
+            } else {
+                EndPose::point(p.x, p.y)
+            }
+        };
+        let own = map.start.zip(map.goal).map(|ends| {
+            [ends.0, ends.1].map(|end| EndPose {
+                position: end.position,
+                heading: end.heading,
+                curvature: None,
+            })
+        });
+        // Most pairs on a real map have an end in a wall: draw until both stand free.
+        let [start, goal] = own.unwrap_or_else(|| {
+            let mut free = || loop {
+                let end = at();
+                if map.world.clearance(end.position) > 2.0 * unit {
+                    return end;
+                }
+            };
+            [free(), free()]
+        });
+        let problem = PlanningProblem {
+            world: &map.world,
+            footprint: if own.is_some() {
+                Footprint::Point
+            } else {
+                footprint(&mut chance, seed, unit)
+            },
+            start,
+            goal: GoalRegion {
+                position: goal.position,
+                heading: goal.heading,
+                tolerance: 0.0,
+            },
+            max_curvature: if own.is_some() { 1.0 } else { 0.8 } / unit,
+        };
+        let params = PlannerParams {
+            scale: unit.clamp(1e-3, 10.0),
+            starts_without_gain: 8,
+            ..PlannerParams::default()
+        };
+        tally.take(&shown, &problem, &params, seed);
+    }
+    Ok(tally)
 }
 
 /// The last hundred problems of every map in a folder, 1 m a cell, at most 0.5 per metre, headings free.
@@ -311,8 +397,14 @@ fn main() -> std::io::Result<ExitCode> {
     let random = random_fields(plans);
     random.tell("random fields");
     wrong += random.wrong.len();
-    for folder in arguments {
-        for (name, tally) in moving_ai(Path::new(&folder))? {
+    for argument in arguments {
+        let path = Path::new(&argument);
+        let tallies = if path.is_dir() {
+            moving_ai(path)?
+        } else {
+            vec![(argument.clone(), map_file(path)?)]
+        };
+        for (name, tally) in tallies {
             tally.tell(&name);
             wrong += tally.wrong.len();
         }

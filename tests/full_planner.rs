@@ -7,6 +7,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bikebot::geometry::{CurvePath, ParametricCurve, Point2};
+use bikebot::planner::chance::{Chance, Purpose};
 use bikebot::planner::{
     Budget, CutShort, EndPose, Enough, GoalMode, GoalRegion, Outcome, PlanReport, PlannedPath,
     PlannerParams, PlanningProblem, Stage, StopReason, plan, plan_observed,
@@ -303,5 +304,52 @@ fn every_better_path_is_told_and_can_be_had() {
         };
         let stopped = maze.plan(1, &until);
         assert_eq!(curves(&stopped).segments(), path.as_slice());
+    }
+}
+
+/// In these two fields, found among a thousand random ones, only the corridor holds a curve at first, one whose curvature jumps. The smooth path that
+/// replaces it must not cost more than was told of it.
+#[test]
+fn a_path_whose_curvature_jumps_gives_way_to_a_cheaper_one() {
+    for seed in [249, 463] {
+        let mut chance = Chance::new(seed, Purpose::Rrt, 2);
+        let obstacles = (0..chance.between(3.0, 60.0) as usize)
+            .map(|_| Obstacle::Disc {
+                center: chance.point_in(Point2::new(8.0, 0.0), Point2::new(92.0, 100.0)),
+                radius: chance.between(0.5, 8.0),
+            })
+            .collect();
+        let world = World::new(Bounds::new(0.0, 0.0, 100.0, 100.0), obstacles).unwrap();
+        let start = EndPose::pose(3.0, chance.between(5.0, 95.0), chance.between(-3.1, 3.1));
+        let goal = Point2::new(97.0, chance.between(5.0, 95.0));
+        let problem = PlanningProblem {
+            world: &world,
+            footprint: Footprint::Disc { radius: 0.5 },
+            start,
+            goal: GoalRegion {
+                position: goal,
+                heading: None,
+                tolerance: 0.0,
+            },
+            max_curvature: chance.between(0.2, 1.5),
+        };
+        let params = PlannerParams {
+            starts_without_gain: 16,
+            ..PlannerParams::default()
+        };
+        let mut told = Vec::new();
+        let budget = Budget::of_iterations(20_000);
+        let report = plan_observed(&problem, &params, seed, &budget, &mut |entry, curves| {
+            if curves.is_some() {
+                told.push((entry.stage, entry.cost));
+            }
+        })
+        .unwrap();
+        assert_eq!(told.first().unwrap().0, Stage::Corridor, "{told:?}");
+        assert!(
+            told.windows(2).all(|pair| pair[1].1 < pair[0].1),
+            "{told:?}"
+        );
+        assert!(report.metrics.unwrap().curvature_jump.unwrap() < 1e-9);
     }
 }

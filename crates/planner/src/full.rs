@@ -32,7 +32,9 @@ use crate::report::{Stage, Stages};
 use crate::search::PointQuery;
 use crate::shortest::shortest;
 use crate::taut::{self, Ending, Pulled, Rivals};
-use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Polyline, Pose2, Vector2, angle};
+use bikebot_geometry::{
+    CurvePath, FergusonCurve, ParametricCurve, Point2, Polyline, Pose2, Vector2, angle,
+};
 
 /// Starts of a batch. Rivals are shared between batches only: more of them would find more paths twice.
 const BATCH: u32 = 8;
@@ -53,6 +55,9 @@ const FLOODS: [usize; 2] = [64, 256];
 /// Spacing of the polish: this part of the spacing it starts from, which counts as no more than so many scales.
 const FINER: f64 = 0.5;
 const POLISH_SPACING: f64 = 2.0;
+/// Way, in scales, on which a steering angle that has to jump is taken to turn. It makes the bending of a path with jumps finite, and dear: one of
+/// continuous curvature is as good as always cheaper.
+const JUMP: f64 = 0.01;
 /// Length that later stages may make up for, in units of the scale: rivals longer by more are dropped.
 const SLACK: f64 = 3.0;
 /// Distance of the ends, in turning radii, up to which Dubins words are tried; and their radius: a spline of continuous curvature needs room
@@ -556,11 +561,7 @@ impl Full<'_, '_> {
         }
         best.polished = true;
         let spacing = FINER * best.spacing.min(POLISH_SPACING * self.params.scale);
-        let mut least = if best.smooth {
-            best.cost
-        } else {
-            f64::INFINITY
-        };
+        let mut least = best.cost;
         let polished = refine::polish(
             self.problem,
             self.params,
@@ -635,7 +636,13 @@ impl Full<'_, '_> {
         }
         let jerk_weight = refine::jerk_weight(self.params.corner_length());
         let length = path.length();
-        let cost = self.weight() * (length + jerk_weight * path.bending());
+        // ∫ (dσ/ds)² ds over a jump Δσ turned on a way ε is Δσ²/ε.
+        let jumps: f64 = curves
+            .windows(2)
+            .map(|pair| (pair[1].curvature(0.0) - pair[0].curvature(1.0)).powi(2))
+            .sum();
+        let bending = path.bending() + jumps / (JUMP * self.params.scale);
+        let cost = self.weight() * (length + jerk_weight * bending);
         tell(&Step {
             stage: Stage::Corridor,
             iteration: meter.iterations(),
@@ -732,11 +739,8 @@ impl FullSearch {
         self.best.as_ref().map_or(f64::INFINITY, |best| best.cost)
     }
 
-    /// Whether a smooth curve of this cost is better than what there is: any is better than one whose curvature jumps.
     fn is_beaten_by(&self, cost: f64) -> bool {
-        self.best
-            .as_ref()
-            .is_none_or(|best| !best.smooth || cost < best.cost)
+        cost < self.cost()
     }
 }
 

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use bikebot_planner::{
-    Budget, CutShort, Outcome, PlanError, PlanReport, PlanningProblem, Reason, plan_observed,
+    Budget, CutShort, Enough, Method, Outcome, PlanError, PlanReport, PlanningProblem, Reason,
+    plan_observed,
 };
 use bikebot_sim::{Override, Setup};
 use clap::Args;
@@ -30,7 +31,8 @@ Examples:
   bikebot plan scenario.toml
   bikebot plan yard.yaml --start 1,1,0 --goal 8,8,90 --max-curvature 0.8
   bikebot plan scene.json --runs 20 --json | jq .length_m
-  bikebot plan scenario.toml --method rrt_star --time-limit 200ms -o plan.json")]
+  bikebot plan scenario.toml --method rrt_star --time-limit 200ms -o plan.json
+  bikebot plan scenario.toml --min-time 5ms --target-cost 180 --time-limit 50ms")]
 pub struct PlanArgs {
     /// Scenario (.toml) or map file
     #[arg(value_name = "SCENARIO|MAP")]
@@ -63,6 +65,12 @@ pub struct PlanArgs {
     /// Stop the search after this time, like 10ms or 1.5s; a plan cut by time may not repeat
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub time_limit: Option<Duration>,
+    /// Stop as soon as a certified path costs no more than this; the cost is the path's length in metres and a little for its bending
+    #[arg(long, value_name = "C", allow_hyphen_values = true, value_parser = positive)]
+    pub target_cost: Option<f64>,
+    /// With --target-cost: search for at least this time, like 5ms, for what may be cheaper still
+    #[arg(long, value_name = "TIME", value_parser = duration, requires = "target_cost")]
+    pub min_time: Option<Duration>,
     /// Plan N times with seeds SEED, SEED+1, …; one line each
     #[arg(long, value_name = "N", default_value_t = 1, allow_hyphen_values = true, value_parser = runs)]
     pub runs: u64,
@@ -104,6 +112,23 @@ pub fn run(args: &PlanArgs, terminal: &Terminal) -> Ending {
             "add [map] and [goal], or run it as it is",
         ))));
     };
+    if args.target_cost.is_some() && setup.planner.method != Method::Full {
+        return Err(Failure::usage(
+            Diagnostic::error(format!(
+                "--target-cost ends a search that goes on for better paths, and \"{}\" stops at the one it finds",
+                setup.planner.method
+            ))
+            .help("leave it out, or plan with --method full"),
+        ));
+    }
+    if let (Some(least), Some(most)) = (args.min_time, args.time_limit)
+        && least > most
+    {
+        return Err(Failure::usage(
+            Diagnostic::error("--min-time is longer than --time-limit")
+                .help("give a --min-time of at most the --time-limit"),
+        ));
+    }
     let output = match &args.output {
         Some(path) => Some(Output::create(path, args.force.force)?),
         None => None,
@@ -146,7 +171,16 @@ struct Planned {
 impl Question<'_> {
     fn plan(&self, seed: u64) -> Result<Planned, PlanError> {
         let watch = Stopwatch::start(self.args.time_limit);
+        let is_settled = || {
+            self.args
+                .min_time
+                .is_none_or(|least| watch.seconds() >= least.as_secs_f64())
+        };
         let budget = Budget {
+            enough: self.args.target_cost.map(|cost| Enough {
+                cost,
+                settled: Some(&is_settled),
+            }),
             iterations: self.args.iterations,
             stop: Some(&|| watch.ask()),
             // Of several plans as many are made at the same time; a single one is searched for on all of them.
@@ -155,7 +189,6 @@ impl Question<'_> {
             } else {
                 self.args.threads
             },
-            ..Budget::unlimited()
         };
         let mut times = Times {
             prepare: self.prepare,

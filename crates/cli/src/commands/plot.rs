@@ -157,6 +157,16 @@ fn path_of(args: &PlotArgs, ending: &str) -> Result<PathBuf, Failure> {
 
 fn plan(args: &PlotArgs, terminal: &Terminal) -> Result<Vec<(&'static str, Drawing)>, Failure> {
     let place = args.input.display().to_string();
+    if args
+        .input
+        .extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
+    {
+        return Err(Failure::usage(
+            Diagnostic::error(format!("{place} is a scenario, and `plot` draws what came of one"))
+                .help(format!("first `bikebot plan {place} -o plan.json` or `bikebot run {place}`, then plot what they wrote")),
+        ));
+    }
     let bytes = input::read(&args.input, MAX_PLAN_BYTES)?;
     let text = String::from_utf8(bytes).map_err(|_| {
         Failure::usage(

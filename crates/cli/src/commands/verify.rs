@@ -126,6 +126,9 @@ fn read_plan(path: &Path) -> Result<PlanRead, Failure> {
         )
     };
     let json: Value = serde_json::from_slice(&bytes).map_err(|error| refuse(error.to_string()))?;
+    if !json.is_object() {
+        return Err(refuse("it holds no plan".to_owned()));
+    }
     if let Some(outcome) = json.get("outcome").and_then(Value::as_str)
         && outcome != "found"
     {
@@ -261,7 +264,9 @@ fn mismatches(plan: &ProblemRead, given: &PlanningProblem<'_>, margin: f64) -> V
         format!("{bounds:?} m"),
     );
     if let Some(hash) = &plan.map_hash {
-        differ("map", hash.clone(), map_hash(given.world));
+        // Twelve digits tell two maps apart.
+        let shown = |hash: &str| format!("{}…", hash.get(..12).unwrap_or(hash));
+        differ("map", shown(hash), shown(&map_hash(given.world)));
     }
     differ(
         "footprint",
@@ -410,6 +415,7 @@ fn words(kind: ViolationKind) -> &'static str {
         ViolationKind::Clearance => "the clearance asked for is not there (m)",
         ViolationKind::StartPosition => "it starts elsewhere (m)",
         ViolationKind::StartHeading => "it starts in another direction (rad)",
+        ViolationKind::StartCurvature => "it starts with another curvature (1/m)",
         ViolationKind::EndPosition => "it ends elsewhere (m)",
         ViolationKind::EndHeading => "it ends in another direction (rad)",
         ViolationKind::CurvaturePromise => "the curvature is larger than promised (1/m)",

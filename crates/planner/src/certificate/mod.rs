@@ -159,6 +159,8 @@ pub enum ViolationKind {
     StartPosition,
     /// The path starts in another direction.
     StartHeading,
+    /// The path starts with another curvature than is prescribed there.
+    StartCurvature,
     /// The path ends elsewhere.
     EndPosition,
     /// The path ends in another direction.
@@ -322,6 +324,14 @@ pub fn verify(problem: &PlanningProblem<'_>, segments: &[FergusonCurve], terms: 
             at(0, 0.0),
             HEADING_TOLERANCE,
             turn,
+        );
+    }
+    if let (Some(asked), Some(first), true) = (problem.start.curvature, segments.first(), curved) {
+        check(
+            ViolationKind::StartCurvature,
+            at(0, 0.0),
+            CURVATURE_TOLERANCE * problem.max_curvature,
+            (curvature(first, 0.0) - asked).abs(),
         );
     }
     if let Some(turn) = goal_turn {
