@@ -227,6 +227,14 @@ fn deadlines(field: &Field) -> Held {
                 held.asked += 1;
                 held.found += u32::from(report.outcome == Outcome::Found);
                 held.held += u32::from(late <= Duration::from_millis(2).max(limit / 100));
+                if late > Duration::from_millis(2).max(limit / 100) {
+                    println!(
+                        "   {}: {late:.1?} late of {limit:?}, {}prepared, for {}",
+                        field.name,
+                        if prepared { "" } else { "not " },
+                        problem.footprint
+                    );
+                }
                 held.latest = held.latest.max(late.as_secs_f64() * 1e3);
             }
         }

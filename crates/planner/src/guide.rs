@@ -49,6 +49,8 @@ const SQRT_5: f64 = 2.236_067_977_499_79;
 const MOST_CELLS: usize = 1 << 24;
 /// Cells that count as one iteration of the budget: where none has been filled and all arcs are asked for, some 0.1 ms.
 const CELLS_PER_ITERATION: u32 = 8;
+/// Cells after which the stop condition is asked: on a map not looked at before, each may have its part of the clearance field computed.
+const CELLS_PER_QUESTION: u32 = 32;
 
 /// A way from `start` to `goal` over cell centres, every leg of which is free for the checker; the vertices, both ends
 /// included.
@@ -116,7 +118,12 @@ pub fn search(
             continue;
         }
         *arrival |= SETTLED;
-        if expanded.is_multiple_of(CELLS_PER_ITERATION) && !meter.step() {
+        let goes_on = if expanded.is_multiple_of(CELLS_PER_QUESTION) {
+            meter.step_dearly()
+        } else {
+            !expanded.is_multiple_of(CELLS_PER_ITERATION) || meter.step()
+        };
+        if !goes_on {
             return None;
         }
         expanded += 1;

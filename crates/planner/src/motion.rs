@@ -24,7 +24,7 @@ const STACK: usize = 62;
 const UNASKED: f64 = f64::INFINITY;
 /// Most queries for one motion, and most intervals split in search of the least clearance. Reached only if the resolution
 /// is absurdly fine for the length of the motion.
-const MAX_QUERIES: u32 = 20_000;
+pub(crate) const MAX_QUERIES: u32 = 20_000;
 
 /// Decides whether poses and motions of one footprint are free in one world.
 #[derive(Debug, Clone)]
@@ -281,7 +281,7 @@ impl<'w> MotionChecker<'w> {
         let mut queries = 0;
         while let Some(interval) = open.pop() {
             queries += 1;
-            if best - interval.bound <= tolerance.at(best) || queries > MAX_QUERIES {
+            if best - interval.bound <= tolerance.at(best) || queries > tolerance.questions {
                 return interval.bound.min(best);
             }
             let motion = &motions[interval.index];
@@ -464,13 +464,15 @@ impl Motion for Curved<'_> {
     }
 }
 
-/// How closely a least value is looked for: to the greater of the two.
+/// How closely a least value is looked for: to the greater of the two, or as closely as so many questions tell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
     /// m.
     pub absolute: f64,
     /// Part of the value.
     pub relative: f64,
+    /// Intervals looked at. What is proven when they are used up holds, but may be far below the least value.
+    pub questions: u32,
 }
 
 impl Tolerance {
@@ -480,6 +482,7 @@ impl Tolerance {
         Self {
             absolute,
             relative: 0.0,
+            questions: MAX_QUERIES,
         }
     }
 

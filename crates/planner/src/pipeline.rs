@@ -20,7 +20,7 @@ use crate::connectivity;
 use crate::error::PlanError;
 use crate::full::Full;
 use crate::metrics::PathMetrics;
-use crate::motion::{MotionChecker, Tolerance};
+use crate::motion::{MAX_QUERIES, MotionChecker, Tolerance};
 use crate::params::{GoalMode, Method, PlannerParams};
 use crate::problem::{EndPose, PlanningProblem};
 use crate::report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};
@@ -456,7 +456,7 @@ impl Run<'_, '_, '_> {
         let lower_bound = self.lower_bound.or_else(|| self.shortest_length());
         let metrics = path.as_ref().map(|path| {
             let goal = &self.problem.goal;
-            let tolerance = clearance_tolerance(self.params);
+            let tolerance = clearance_tolerance(self.params, self.meter.cut_short().is_some());
             let mut metrics =
                 PathMetrics::of(path, &self.checker, goal.position, lower_bound, tolerance);
             // Every motion of the path was accepted, which proves the margin; the search for the least stops a tolerance short.
@@ -487,11 +487,12 @@ fn polyline(path: Vec<Point2>) -> (End, Option<PlannedPath>) {
 }
 
 /// How closely the least clearance of a path is found: to a tenth of δ, 2 mm on the yard, or a twentieth of itself. On a long way round many
-/// obstacles every further millimetre costs hundreds of questions.
-pub(crate) fn clearance_tolerance(params: &PlannerParams) -> Tolerance {
+/// obstacles every further millimetre costs hundreds of questions. Once the time is up there is none for them: half a millisecond's worth is asked.
+pub(crate) fn clearance_tolerance(params: &PlannerParams, cut_short: bool) -> Tolerance {
     Tolerance {
         absolute: 0.1 * params.clearance_resolution(),
         relative: 0.05,
+        questions: if cut_short { 300 } else { MAX_QUERIES },
     }
 }
 

@@ -398,7 +398,8 @@ impl Case<'_, '_> {
         let metrics = path.as_ref().map(|path| {
             let goal = self.problem.goal.position;
             let straight = (goal - self.problem.start.position).norm();
-            let tolerance = pipeline::clearance_tolerance(&self.params);
+            let tolerance =
+                pipeline::clearance_tolerance(&self.params, meter.cut_short().is_some());
             let mut metrics = PathMetrics::of(path, &self.checker, goal, Some(straight), tolerance);
             metrics.min_clearance = metrics.min_clearance.max(self.params.margin);
             metrics
