@@ -33,6 +33,7 @@ pub mod predictive;
 pub mod profile;
 pub mod pvfc;
 mod ramps;
+pub mod recoverable;
 pub mod roll_model;
 mod steering_assist;
 pub mod supervisor;

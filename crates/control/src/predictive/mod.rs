@@ -1,7 +1,7 @@
 //! Saturation-aware balance: predictive control over about a second, solved in the tick.
 //!
 //! A law that is only clipped spends what it does not have. This one looks at the roll ahead of it
-//! ([`prediction`]) and chooses twelve balancer torques, and where steering may help six steering
+//! (`prediction`) and chooses twelve balancer torques, and where steering may help six steering
 //! rates, that minimise
 //!
 //! ```text
