@@ -12,8 +12,11 @@ use crate::params::BalanceParams;
 use crate::predictive::SteeringRoom;
 use crate::roll_model::RollModel;
 
-/// Time constant with which the follower takes the steering back, s.
-const RETURN_TIME: f64 = 0.3;
+/// Time constant with which the follower takes the steering back, s: the turn that is left over is
+/// a trouble of its own, which the lean reference knows how to end.
+const RETURN_TIME: f64 = 0.05;
+/// An added yaw rate decays at `v/ell` under the follower; held back as it is, at half of that.
+const HELD_BACK: f64 = 0.5;
 /// Below this the predictive law does not ask for steering, rad/s: its solver's rounding.
 const ASKS: f64 = 0.05;
 /// Slower than this the predictive law does without steering, m/s: hardly any moment.
@@ -67,7 +70,7 @@ impl SteeringAssist {
         let cos = m.steer.cos();
         Some(SteeringRoom {
             yaw_gain: m.speed / (bike.wheelbase * cos * cos),
-            decay: m.speed / look_ahead,
+            decay: HELD_BACK * m.speed / look_ahead,
             centripetal: model.centripetal_arm() * m.speed,
             yaw_product: model.yaw_product(),
             range: (
