@@ -160,11 +160,11 @@ fn tell(loaded: &Loaded, error: CompareError, known: &Known) -> Failure {
             return Failure::io(Diagnostic::error(error.to_string()));
         }
         CompareError::Alone => {
-            let laws = [known.followers.as_slice(), &known.balance_laws].concat();
             format!(
-                "name several of --plants {} or --controllers {}",
+                "name several of --plants {} or --controllers, path followers {} and balance laws {}",
                 known.plants.join(","),
-                laws.join(",")
+                known.followers.join(","),
+                known.balance_laws.join(",")
             )
         }
         CompareError::TooMany(_) => "name fewer plants or controllers".to_owned(),

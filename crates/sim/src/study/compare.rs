@@ -219,7 +219,10 @@ impl Controllers {
                 balance: Some(name),
             }),
             (false, false) => {
-                let all = [known.followers.clone(), known.balance_laws.clone()].concat();
+                let all = [
+                    format!("the followers {}", known.followers.join(", ")),
+                    format!("the balance laws {}", known.balance_laws.join(", ")),
+                ];
                 Err(unknown(&name, "path follower or balance law", &all))
             }
         }
@@ -587,7 +590,9 @@ mod tests {
         assert_eq!(parsed("+lqr"), ["", "lqr"]);
         let refused = |text: &str| Controllers::parse(text, &known()).unwrap_err().to_string();
         assert!(refused("lqr").contains("a path follower and a balance law"));
-        assert!(refused("pid").contains("known are pvfc, stanley, lqr, output_zeroing, lqr"));
+        assert!(refused("pid").contains(
+            "known are the followers pvfc, stanley, lqr, the balance laws output_zeroing, lqr"
+        ));
         assert!(refused("output_zeroing+pvfc").contains("`output_zeroing` is no path follower"));
     }
 

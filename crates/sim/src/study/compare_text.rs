@@ -187,10 +187,18 @@ impl Comparison {
             }
         };
         let absolute = signed(figures(quantity.factor * difference));
-        match share.abs() {
-            share_size if share_size < 0.5 => format!("{absolute}, ~0 %"),
-            share_size if share_size < 1000.0 => format!("{absolute}, {share:+.0} %"),
-            _ => absolute,
+        // A change of nothing worth naming, a change beside its share, or whichever of the two fits the column.
+        if share.abs() < 0.5 {
+            return "~0 %".into();
+        }
+        if share.abs() >= 1000.0 || !share.is_finite() {
+            return absolute;
+        }
+        let both = format!("{absolute}, {share:+.0} %");
+        if both.chars().count() < CELL {
+            both
+        } else {
+            format!("{share:+.0} %")
         }
     }
 
