@@ -22,6 +22,9 @@ pub struct ContactForces {
     pub rear_load: f64,
     /// Vertical load of the front wheel; zero or negative means the wheel has lifted.
     pub front_load: f64,
+    /// Whether a loaded tyre is seen to slide. A model that forbids sliding says `false`, and its friction use
+    /// exceeds one instead.
+    pub slides: bool,
 }
 
 impl ContactForces {
@@ -142,6 +145,7 @@ impl Bike {
             front_normal,
             rear_load: total_load - front_load,
             front_load,
+            slides: false,
         }
     }
 }
@@ -248,6 +252,7 @@ mod tests {
             front_normal: -35.0,
             rear_load: 250.0,
             front_load: 100.0,
+            slides: false,
         };
         assert_eq!(forces.friction_demand_rear(), 0.2);
         assert_eq!(forces.friction_demand_front(), 0.35);

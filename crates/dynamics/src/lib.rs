@@ -11,6 +11,7 @@
 //! | [`contact`] | tyre forces and wheel loads of the simplified bike |
 //! | [`kinematic`] | plane motion without slip, nothing else |
 //! | [`rigid`] | the same bike as rigid bodies on wheel contact (feature `rapier`, on by default) |
+//! | [`steering_geometry`] | trail, axis, wheels and fork of the rigid bodies |
 //! | [`actuator`] | every limit and every lag, in one place |
 //! | [`sensor`] | what the bike believes of its own state |
 //! | [`laser`] | beams cast through a world |
@@ -34,6 +35,7 @@ pub mod plant;
 #[cfg(feature = "rapier")]
 pub mod rigid;
 pub mod sensor;
+pub mod steering_geometry;
 pub mod two_link;
 pub mod whipple;
 
@@ -47,5 +49,6 @@ pub use laser::{LaserParams, LaserScan, LaserScanner};
 pub use params::{BalancerMode, BikeParams, LeanCoefficients, Lumped, ModeChangeCondition, Offset};
 pub use plant::{Plant, State};
 pub use sensor::{Measurement, SensorParams, Sensors};
+pub use steering_geometry::SteeringGeometry;
 pub use two_link::{Linearisation, TwoLink, TwoLinkInput, TwoLinkState};
 pub use whipple::{Whipple, WhippleParams};

@@ -3,10 +3,10 @@
 // What was measured, for `--nocapture`.
 #![allow(clippy::print_stdout)]
 
-use bikebot_dynamics::rigid::{RigidBike, RigidStep, SteeringGeometry};
+use bikebot_dynamics::rigid::{RigidBike, RigidStep};
 use bikebot_dynamics::{
-    Bike, BikeInput, BikeParams, BikeState, Integrator, Offset, Rk4, TwoLink, TwoLinkInput,
-    TwoLinkState,
+    Bike, BikeInput, BikeParams, BikeState, Integrator, Offset, Push, Rk4, SteeringGeometry,
+    TwoLink, TwoLinkInput, TwoLinkState,
 };
 use bikebot_geometry::{Point2, Pose2};
 use bikebot_world::{Bounds, Cell, Footprint, Obstacle, OccupancyGrid, World};
@@ -150,6 +150,13 @@ fn for_a_moment_it_moves_as_the_simplified_bike_whatever_acts_on_it() {
             },
         ),
         (
+            "push",
+            BikeInput {
+                push: Push::at(20.0, -40.0, 0.3, 0.7),
+                ..BikeInput::default()
+            },
+        ),
+        (
             "slope",
             BikeInput {
                 slope_force: -25.0,
@@ -238,7 +245,7 @@ fn the_ground_carries_it_as_the_simplified_bike() {
         assert!((found - expected).abs() < 2.5, "{found} against {expected}");
     }
     assert!((found.rear_load + found.front_load - 50.0 * 9.81).abs() < 5.0);
-    assert!(!bike.slides());
+    assert!(!found.slides);
 }
 
 #[test]
@@ -350,7 +357,7 @@ fn on_ice_a_corner_slides() {
         (0..200)
             .filter(|_| {
                 bike.step(&BikeInput::default());
-                bike.slides()
+                bike.contact_forces().slides
             })
             .count()
     };

@@ -368,7 +368,6 @@ struct Tick {
 
 impl<'s> Ride<'s> {
     fn new(setup: &'s Setup, path: Option<&'s CurvePath>) -> Result<Self, Error> {
-        let plant = TruePlant::new(setup.plant, setup.true_bike);
         let mut state = setup.start;
         if let (Some(path), true) = (
             path,
@@ -387,6 +386,8 @@ impl<'s> Ride<'s> {
         );
         let measured = Measurement::ideal(&state, 0.0);
         let pilot = Pilot::new(setup, path, &measured)?;
+        let offset = true_offset(&setup.bike, &setup.true_bike, setup.mode, pilot.offset());
+        let plant = TruePlant::new(setup, &state, offset)?;
         let laser = match (setup.laser.enabled, &setup.world) {
             (true, Some(_)) => Some(Laser {
                 scanner: LaserScanner::new(&setup.laser)?,
@@ -412,7 +413,7 @@ impl<'s> Ride<'s> {
             passivity: PassivityMonitor::default(),
             metrics: RideMetrics::new(setup.plant, path),
             input: BikeInput {
-                offset: true_offset(&setup.bike, &setup.true_bike, setup.mode, pilot.offset()),
+                offset,
                 ..BikeInput::default()
             },
             distance: 0.0,
@@ -571,6 +572,7 @@ impl<'s> Ride<'s> {
         let setup = self.setup;
         let offset = true_offset(&setup.bike, &setup.true_bike, setup.mode, output.offset);
         let mass = self.plant.params().mass();
+        self.plant.begin_tick();
         for step in 0..steps {
             let t = t + step as f64 * dt;
             let bent = self.motor_faults.bend(&self.disturbances, t, dt, command);
@@ -603,8 +605,8 @@ impl<'s> Ride<'s> {
                 self.input = input;
                 self.friction = loads.friction;
             }
-            let before = self.state;
-            self.state = self.plant.step(t, &before, &input, dt);
+let before = self.state;
+            self.state = self.plant.step(t, &before, &input, loads.friction, dt);
             self.metrics.work(&before, &self.state, &input, dt);
         }
         saturation
@@ -771,13 +773,11 @@ impl<'s> Ride<'s> {
                 })
             });
         let verdict = verdict.or_else(|| {
-            facts
-                .clearance
-                .is_some_and(|clearance| clearance < 0.0)
-                .then_some(Verdict {
-                    outcome: RunOutcome::Collided,
-                    reason: "obstacle",
-                })
+            let overlaps = facts.clearance.is_some_and(|clearance| clearance < 0.0);
+            (overlaps || self.plant.touches_an_obstacle()).then_some(Verdict {
+                outcome: RunOutcome::Collided,
+                reason: "obstacle",
+            })
         });
         if let Some(verdict) = verdict {
             let (kind, text, value) = match verdict.reason {

@@ -65,7 +65,8 @@ impl FallMonitor {
         let on_ground = contact.both_wheels_down();
         // Without load there is no friction to exceed: a lifted wheel is judged as that.
         let slips = on_ground
-            && (contact.friction_use_rear(friction[0]) > 1.0
+            && (contact.slides
+                || contact.friction_use_rear(friction[0]) > 1.0
                 || contact.friction_use_front(friction[1]) > 1.0);
         self.slipping = if slips {
             self.slipping + self.tick
@@ -153,6 +154,7 @@ mod tests {
             front_normal,
             rear_load: 300.0,
             front_load,
+            slides: false,
         }
     }
 
@@ -177,6 +179,19 @@ mod tests {
                 .map(|verdict| verdict.reason),
             Some("slip")
         );
+    }
+
+    #[test]
+    fn a_tyre_that_is_seen_to_slide_slips_although_its_force_stays_inside_the_cone() {
+        let mut monitor = monitor();
+        let slides = ContactForces {
+            slides: true,
+            ..forces(100.0, 69.9)
+        };
+        let verdicts: Vec<_> = (0..4)
+            .map(|_| monitor.judge(&upright(), Some(&slides), TARMAC))
+            .collect();
+        assert_eq!(verdicts[3].map(|verdict| verdict.reason), Some("slip"));
     }
 
     #[test]

@@ -1,10 +1,15 @@
 //! The simulated truth: one state, moved by whichever model the scenario names.
 
 use crate::scenario::PlantModel;
+#[cfg(feature = "rapier")]
+use crate::setup::PathSource;
+use crate::setup::Setup;
+#[cfg(feature = "rapier")]
+use bikebot_dynamics::rigid::{RigidBike, RigidStep};
 use bikebot_dynamics::{
     BalancerMode, Bike, BikeAcceleration, BikeInput, BikeParams, BikeState, ContactForces,
-    Integrator, Kinematic, KinematicInput, KinematicState, Offset, Rk4, TwoLink, TwoLinkInput,
-    TwoLinkState,
+    DynamicsError, Integrator, Kinematic, KinematicInput, KinematicState, Offset, Rk4,
+    SteeringGeometry, TwoLink, TwoLinkInput, TwoLinkState,
 };
 
 /// Where the true balancer is when the controller, which believes in other offsets, has it shifted to
@@ -38,21 +43,98 @@ const JAM_STRENGTH: f64 = 10.0;
 /// The true bike.
 ///
 /// Every model shares [`BikeState`]; what a model does not move stays as it is: the two-link model
-/// stands still, the kinematic one neither rolls nor has a balancer.
-#[derive(Debug, Clone)]
+/// stands still, the kinematic one neither rolls nor has a balancer. The rigid-body model owns its state and has
+/// to be stepped in order; the others are functions of the state they are given.
+#[derive(Debug)]
 pub struct TruePlant {
     model: PlantModel,
     bike: Bike,
+    #[cfg(feature = "rapier")]
+    rigid: Option<Box<Rigid>>,
+}
+
+/// The rigid bodies, and what they did when the present tick began.
+#[cfg(feature = "rapier")]
+#[derive(Debug)]
+struct Rigid {
+    bike: RigidBike,
+    yaw_rate: f64,
+    energy: f64,
+}
+
+/// Whether a bike can be built of rigid bodies with this steering geometry.
+///
+/// # Errors
+///
+/// Why not.
+pub(crate) fn rigid_bodies(params: &BikeParams, geometry: SteeringGeometry) -> Result<(), String> {
+    #[cfg(feature = "rapier")]
+    {
+        bikebot_dynamics::rigid::BicycleParts::robot(params, &geometry.assembly(params))
+            .map(drop)
+            .map_err(|error| error.to_string())
+    }
+    #[cfg(not(feature = "rapier"))]
+    {
+        let _ = (params, geometry);
+        Err("this program was built without the feature `rapier`".to_owned())
+    }
 }
 
 impl TruePlant {
-    /// The bike with its true parameters, moved by `model`.
-    #[must_use]
-    pub fn new(model: PlantModel, params: BikeParams) -> Self {
-        Self {
-            model,
+    /// The true bike of a scenario, put down in `state` with its balancer at `offset`.
+    ///
+    /// # Errors
+    ///
+    /// Where the bike cannot be built of rigid bodies; [`Setup::resolve`] has refused it before.
+    pub fn new(setup: &Setup, state: &BikeState, offset: Offset) -> Result<Self, DynamicsError> {
+        let params = setup.true_bike;
+        #[cfg(feature = "rapier")]
+        let rigid = if setup.plant == PlantModel::Rapier3d {
+            let step = RigidStep {
+                duration: setup.step.seconds(),
+                ..RigidStep::default()
+            };
+            let assembly = setup.steering_geometry.assembly(&params);
+            let mut bike = RigidBike::new(&params, &assembly, state, &offset, step)?;
+            if let (Some(world), true) = (&setup.world, setup.path != PathSource::Standing) {
+                bike.surround(world, &setup.footprint);
+            }
+            Some(Box::new(Rigid {
+                yaw_rate: bike.yaw_rate(),
+                energy: bike.energy(),
+                bike,
+            }))
+        } else {
+            None
+        };
+        #[cfg(not(feature = "rapier"))]
+        let _ = (state, offset);
+        Ok(Self {
+            model: setup.plant,
             bike: Bike::new(params),
+            #[cfg(feature = "rapier")]
+            rigid,
+        })
+    }
+
+    /// To be called before the steps of a control tick: what the tick's record says of its beginning is kept.
+    pub fn begin_tick(&mut self) {
+        #[cfg(feature = "rapier")]
+        if let Some(rigid) = &mut self.rigid {
+            rigid.yaw_rate = rigid.bike.yaw_rate();
+            rigid.energy = rigid.bike.energy();
         }
+    }
+
+    /// Whether the bike's hull overlaps an obstacle; only the rigid-body model knows.
+    #[must_use]
+    pub fn touches_an_obstacle(&self) -> bool {
+        #[cfg(feature = "rapier")]
+        if let Some(rigid) = &self.rigid {
+            return rigid.bike.touches_an_obstacle();
+        }
+        false
     }
 
     /// The true parameters.
@@ -61,11 +143,26 @@ impl TruePlant {
         &self.bike.params
     }
 
-    /// The state `dt` seconds after `state` at time `t` (s), by one Runge–Kutta step under a held input.
-    #[must_use]
-    pub fn step(&self, t: f64, state: &BikeState, input: &BikeInput, dt: f64) -> BikeState {
+    /// The state `dt` seconds after `state` at time `t` (s), under a held input on ground with this friction
+    /// under the rear and the front wheel. The rigid bodies go on from where they are, by the step of the setup.
+    pub fn step(
+        &mut self,
+        t: f64,
+        state: &BikeState,
+        input: &BikeInput,
+        friction: [f64; 2],
+        dt: f64,
+    ) -> BikeState {
+        #[cfg(feature = "rapier")]
+        if let Some(rigid) = &mut self.rigid {
+            rigid.bike.set_friction(friction[0], friction[1]);
+            rigid.bike.step(input);
+            return *rigid.bike.state();
+        }
+        #[cfg(not(feature = "rapier"))]
+        let _ = friction;
         match self.model {
-            PlantModel::Bike3d => Rk4.step(&self.bike, t, state, input, dt),
+            PlantModel::Bike3d | PlantModel::Rapier3d => Rk4.step(&self.bike, t, state, input, dt),
             PlantModel::TwoLink => {
                 let plant = TwoLink::new(self.params(), input.offset);
                 let moved = Rk4.step(
@@ -110,8 +207,17 @@ impl TruePlant {
     /// Accelerations in this state under this input.
     #[must_use]
     pub fn accelerations(&self, state: &BikeState, input: &BikeInput) -> BikeAcceleration {
+        #[cfg(feature = "rapier")]
+        if let Some(rigid) = &self.rigid {
+            return rigid.bike.accelerations();
+        }
+        self.modelled_accelerations(state, input)
+    }
+
+    /// Accelerations by the equations of the model, or of the simplified bike where there are none.
+    fn modelled_accelerations(&self, state: &BikeState, input: &BikeInput) -> BikeAcceleration {
         match self.model {
-            PlantModel::Bike3d => self.bike.accelerations(state, input),
+            PlantModel::Bike3d | PlantModel::Rapier3d => self.bike.accelerations(state, input),
             PlantModel::TwoLink => {
                 let plant = TwoLink::new(self.params(), input.offset);
                 let second =
@@ -147,7 +253,7 @@ impl TruePlant {
                 balancer_torque: torque,
                 ..*input
             };
-            self.accelerations(state, &input).balancer
+            self.modelled_accelerations(state, &input).balancer
         };
         // The equations are linear in the torque.
         let (free, per_newton_metre) = (spin(0.0), spin(1.0) - spin(0.0));
@@ -160,15 +266,23 @@ impl TruePlant {
         }
     }
 
-    /// Contact forces; only the 3D bike has them.
+    /// Contact forces: of the simplified 3D bike in this state, of the rigid bodies over their last step.
     #[must_use]
     pub fn contact(&self, state: &BikeState, input: &BikeInput) -> Option<ContactForces> {
+        #[cfg(feature = "rapier")]
+        if let Some(rigid) = &self.rigid {
+            return Some(rigid.bike.contact_forces());
+        }
         (self.model == PlantModel::Bike3d).then(|| self.bike.contact_forces(state, input))
     }
 
     /// Yaw rate, rad/s.
     #[must_use]
     pub fn yaw_rate(&self, state: &BikeState) -> f64 {
+        #[cfg(feature = "rapier")]
+        if let Some(rigid) = &self.rigid {
+            return rigid.yaw_rate;
+        }
         self.bike.yaw_rate(state)
     }
 
@@ -181,8 +295,12 @@ impl TruePlant {
     /// Mechanical energy, J; not defined for the kinematic model.
     #[must_use]
     pub fn energy(&self, state: &BikeState, input: &BikeInput) -> f64 {
+        #[cfg(feature = "rapier")]
+        if let Some(rigid) = &self.rigid {
+            return rigid.energy;
+        }
         match self.model {
-            PlantModel::Bike3d => self.bike.energy(state, &input.offset),
+            PlantModel::Bike3d | PlantModel::Rapier3d => self.bike.energy(state, &input.offset),
             PlantModel::TwoLink => {
                 TwoLink::new(self.params(), input.offset).energy(&TwoLinkState::from(state))
             }

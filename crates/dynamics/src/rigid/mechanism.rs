@@ -607,6 +607,12 @@ impl Mechanism {
             .map_or(0.0, |balancer| self.position(&balancer.shift))
     }
 
+    /// The frame's centre of gravity in the world frame, m.
+    #[must_use]
+    pub fn frame_centre(&self) -> Vector3<f64> {
+        from_rapier(self.world.bodies[self.frame].translation())
+    }
+
     /// Where the rear wheel's plane is and how it moves.
     #[must_use]
     pub fn rear(&self) -> RearMotion {

@@ -23,5 +23,5 @@ mod steering;
 
 pub use mechanism::{Drive, Loads, Mechanism, Placement, RearMotion, TyreForce};
 pub use obstacles::OBSTACLE_HEIGHT;
-pub use parts::{BalancerPart, BicycleParts, Part, SteeringGeometry, Wheel};
+pub use parts::{BalancerPart, BicycleParts, Part, Wheel};
 pub use robot::{RigidBike, RigidStep};

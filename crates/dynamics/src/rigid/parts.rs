@@ -128,40 +128,6 @@ pub struct BalancerPart {
     pub moments: Vector3<f64>,
 }
 
-/// How the front wheel is hung.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    Default,
-    PartialEq,
-    Eq,
-    Hash,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
-#[serde(rename_all = "snake_case")]
-pub enum SteeringGeometry {
-    /// What the simplified model assumes: no trail, a vertical steering axis, wheels that weigh nearly nothing.
-    #[default]
-    Matched,
-    /// An electric bicycle's: 70° head angle, 60 mm trail, a hub motor in the rear wheel, rims and a fork that
-    /// weigh what they weigh ([`SteeringAssembly::e_bike`]).
-    Realistic,
-}
-
-impl SteeringGeometry {
-    /// The name as written in a scenario.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Matched => "matched",
-            Self::Realistic => "realistic",
-        }
-    }
-}
-
 /// Everything a rigid-body bicycle is built from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BicycleParts {
@@ -181,44 +147,6 @@ pub struct BicycleParts {
     pub tilt: f64,
     /// None on an ordinary bicycle.
     pub balancer: Option<BalancerPart>,
-}
-
-/// Share of link 1 given to each wheel and to the fork where they should weigh nothing: a multibody link needs
-/// some mass, and a wheel's spin adds its inertia to the mass that the drive accelerates (0.1 % here).
-const LIGHT_SHARE: f64 = 5e-3;
-
-impl SteeringGeometry {
-    /// Trail, axis, wheels and fork of this geometry for a bike.
-    #[must_use]
-    pub fn assembly(self, params: &BikeParams) -> SteeringAssembly {
-        match self {
-            Self::Realistic => SteeringAssembly::e_bike(),
-            Self::Matched => {
-                let mass = LIGHT_SHARE * params.m1;
-                let square = mass * params.wheel_radius.powi(2);
-                let wheel = WheelInertia {
-                    mass,
-                    ixx: 0.5 * square,
-                    iyy: square,
-                };
-                SteeringAssembly {
-                    trail: 0.0,
-                    tilt: 0.0,
-                    rear_wheel: wheel,
-                    front_wheel: wheel,
-                    fork: FrameBody {
-                        x: 0.0,
-                        z: -params.wheel_radius,
-                        mass,
-                        ixx: 0.1 * square,
-                        iyy: 0.1 * square,
-                        izz: 0.1 * square,
-                        ixz: 0.0,
-                    },
-                }
-            }
-        }
-    }
 }
 
 impl BicycleParts {
@@ -320,6 +248,7 @@ impl From<&WhippleParams> for BicycleParts {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::steering_geometry::SteeringGeometry;
 
     #[test]
     fn frame_fork_and_wheels_together_are_link_one() {

@@ -112,6 +112,7 @@ impl RigidBike {
                 front_normal: 0.0,
                 rear_load: 0.0,
                 front_load: 0.0,
+                slides: false,
             },
             mechanism,
         })
@@ -139,10 +140,18 @@ impl RigidBike {
         let steer_rate = (target - self.mechanism.steer()) / self.step;
         let shift = input.offset.rate + SHIFT_GAIN * (input.offset.d - self.mechanism.offset());
         let mass = self.mechanism.parts().mass();
+        // Forces from outside, moved to where the frame takes them.
+        let left = Vector3::new(-sin, cos, 0.0);
+        let force = ahead * input.push.forward + left * input.push.left;
+        let about_contact = ahead * input.push.roll_moment(self.motion.roll)
+            + left * input.push.pitch_moment(self.motion.roll)
+            + Vector3::z() * input.push.yaw_moment(self.motion.roll);
+        let contact = Vector3::new(self.motion.contact.x, self.motion.contact.y, 0.0);
+        let moment = about_contact - (self.mechanism.frame_centre() - contact).cross(&force);
         self.mechanism.step(&Loads {
             gravity: ahead * (input.slope_force / mass) - Vector3::z() * GRAVITY,
-            force: Vector3::zeros(),
-            moment: ahead * input.roll_moment,
+            force,
+            moment: ahead * input.roll_moment + moment,
             wheel: input.drive_force * self.mechanism.parts().rear_wheel.radius,
             steering: Drive::Rate(steer_rate),
             balancer: Drive::Torque(input.balancer_torque),
@@ -182,7 +191,9 @@ impl RigidBike {
             front_normal: front.along.dot(&Vector2::new(-front_sin, front_cos)),
             rear_load: rear.up,
             front_load: front.up,
+            slides: false,
         };
+        self.contact.slides = self.slides();
         self.motion = motion;
     }
 
@@ -216,10 +227,8 @@ impl RigidBike {
         self.mechanism.offset()
     }
 
-    /// Whether a loaded tyre slides: its force fills the friction cone and its contact point moves over the
-    /// ground.
-    #[must_use]
-    pub fn slides(&self) -> bool {
+    /// Whether a loaded tyre's force fills the friction cone while its lowest point moves over the ground.
+    fn slides(&self) -> bool {
         let (rear, front) = self.mechanism.sliding_speeds();
         let slides = |share: f64, speed: f64| share > SLIDING_SHARE && speed > SLIDING_SPEED;
         (self.contact.rear_load > 0.0

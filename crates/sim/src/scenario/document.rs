@@ -184,6 +184,9 @@ impl ScenarioFile {
             from_override: None,
             help: None,
         })?;
+        if !file.is_written("plant.step_s") {
+            file.scenario.plant.step_s = file.scenario.plant.model.default_step();
+        }
         Ok(file)
     }
 

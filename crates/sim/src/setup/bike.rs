@@ -30,6 +30,22 @@ impl Resolver<'_> {
         Ok((footprint, planning))
     }
 
+    /// Refuses a bike that cannot be taken apart into rigid bodies where it has to be.
+    fn rigid_bodies(&self, true_bike: &BikeParams) -> Result<(), SetupError> {
+        let plant = &self.scenario.plant;
+        if plant.model != PlantModel::Rapier3d {
+            return Ok(());
+        }
+        if let Err(message) = crate::true_plant::rigid_bodies(true_bike, plant.steering_geometry) {
+            return self.refuse(
+                "plant.model",
+                format!("`plant.model` = \"rapier3d\": {message}"),
+                "choose plant.model = \"bike3d\", or steering_geometry = \"matched\" with its light wheels",
+            );
+        }
+        Ok(())
+    }
+
     pub(super) fn bike(&self) -> Result<(BikeParams, Vec<ScheduledModeChange>), SetupError> {
         let section = &self.scenario.bike;
         if let Err(error) = section.params.check() {
@@ -42,7 +58,7 @@ impl Resolver<'_> {
         let mut changes: Vec<ScheduledModeChange> = Vec::new();
         for (index, change) in section.mode_change.iter().enumerate() {
             let model = self.scenario.plant.model;
-            if model != PlantModel::Bike3d {
+            if !matches!(model, PlantModel::Bike3d | PlantModel::Rapier3d) {
                 return self.refuse(
                     &format!("bike.mode_change.{index}"),
                     format!("`plant.model` = \"{}\" knows no mode change", model.name()),
@@ -101,6 +117,7 @@ impl Resolver<'_> {
                 "see docs/frames.md for the meaning of the lengths",
             );
         }
+        self.rigid_bodies(&true_bike)?;
         let steer = self.scenario.start.steer_deg;
         if steer.abs() > true_bike.steer_max_deg {
             return self.refuse(

@@ -13,7 +13,7 @@ impl Resolver<'_> {
     pub(super) fn start_fits_the_plant(&self) -> Result<(), SetupError> {
         let start = &self.scenario.start;
         let (model, still): (PlantModel, &[(&str, f64)]) = match self.scenario.plant.model {
-            PlantModel::Bike3d => (PlantModel::Bike3d, &[]),
+            model @ (PlantModel::Bike3d | PlantModel::Rapier3d) => (model, &[]),
             PlantModel::TwoLink => (
                 PlantModel::TwoLink,
                 &[

@@ -15,7 +15,9 @@ use crate::outcome::Expect;
 use crate::record::RecordOptions;
 use crate::scenario::{Disturbance, PlantModel, Scenario, ScenarioError, ScenarioFile};
 use bikebot_control::{BalanceParams, FollowParams, FollowedPath};
-use bikebot_dynamics::{BalancerMode, BikeParams, BikeState, LaserParams, SensorParams};
+use bikebot_dynamics::{
+    BalancerMode, BikeParams, BikeState, LaserParams, SensorParams, SteeringGeometry,
+};
 use bikebot_geometry::CurvePath;
 use bikebot_planner::{EndPose, GoalRegion, PlannerParams, PlanningProblem};
 use bikebot_world::formats::MapError;
@@ -125,6 +127,8 @@ pub struct Setup {
     pub disturbances: Vec<Disturbance>,
     /// Which model moves the bike.
     pub plant: PlantModel,
+    /// How the rigid-body model hangs its front wheel.
+    pub steering_geometry: SteeringGeometry,
     /// Integration step.
     pub step: Period,
     /// Control period.
@@ -225,6 +229,7 @@ impl Resolver<'_> {
             noise: scenario.noise,
             disturbances,
             plant: scenario.plant.model,
+            steering_geometry: scenario.plant.steering_geometry,
             step,
             control,
             duration: SimTime::from_seconds(scenario.run.duration_s),

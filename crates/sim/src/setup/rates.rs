@@ -2,6 +2,10 @@
 
 use super::{MAX_TICKS, Resolver, SetupError};
 use crate::clock::{ClockError, Period, SimTime};
+use crate::scenario::PlantModel;
+
+/// Longest step of the rigid-body model, s.
+const RIGID_STEP_MAX: f64 = 0.002;
 
 impl Resolver<'_> {
     pub(super) fn rates(&self) -> Result<(Period, Period), SetupError> {
@@ -25,6 +29,16 @@ impl Resolver<'_> {
                     plant.step_s, plant.control_s
                 ),
                 "choose the step so that the control period is a whole number of steps, such as 0.0025 in 0.005",
+            );
+        }
+        if plant.model == PlantModel::Rapier3d && plant.step_s > RIGID_STEP_MAX {
+            return self.refuse(
+                "plant.step_s",
+                format!(
+                    "`plant.step_s` = {} is too long for `plant.model` = \"rapier3d\"",
+                    plant.step_s
+                ),
+                format!("use at most {RIGID_STEP_MAX}, or leave it out for 0.001: beyond it the tyres' forces lag"),
             );
         }
         let ticks = SimTime::from_seconds(self.scenario.run.duration_s).nanoseconds()

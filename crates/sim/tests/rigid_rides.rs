@@ -1,0 +1,204 @@
+//! Whole rides on rigid bodies: the controllers know nothing of the plant they are on.
+#![cfg(feature = "rapier")]
+// What was measured, for `--nocapture`.
+#![allow(clippy::print_stdout)]
+
+use bikebot_sim::record::Trace;
+use bikebot_sim::{Override, RunControl, RunOutcome, RunReport, ScenarioFile, Setup, run};
+use std::path::PathBuf;
+
+/// Noise as the whole-ride claim has it.
+const NOISE: [&str; 5] = [
+    "noise.roll_sigma_deg=0.3",
+    "noise.roll_rate_sigma_radps=0.02",
+    "noise.pose_rate_hz=10",
+    "noise.pose_delay_s=0.1",
+    "noise.odometry_replay=true",
+];
+
+fn ride(name: &str, changes: &[&str]) -> (RunReport, Trace) {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+    let text = std::fs::read_to_string(folder.join(name)).expect("a shipped scenario");
+    let changes: Vec<Override> = changes
+        .iter()
+        .map(|change| change.parse().expect("key=value"))
+        .collect();
+    let file = ScenarioFile::parse(&text, &changes).expect("a scenario");
+    let setup = Setup::resolve(&file, &mut |name| {
+        std::fs::read(folder.join(name)).map_err(|error| error.to_string())
+    })
+    .unwrap_or_else(|error| panic!("{changes:?}: {error}"));
+    let control = RunControl {
+        stop: &|| false,
+        progress: &mut |_| {},
+        clock: None,
+    };
+    let mut trace = Trace::default();
+    let report =
+        run(&setup, &mut trace, control).unwrap_or_else(|error| panic!("{changes:?}: {error}"));
+    (report, trace)
+}
+
+const RAPIER: &str = "plant.model=rapier3d";
+
+#[test]
+fn every_shipped_ride_arrives_on_rigid_bodies() {
+    for (name, changes) in [
+        ("course.toml", vec![]),
+        ("course.toml", vec!["bike.mode=balancer"]),
+        ("fig7.toml", vec![]),
+        ("fig7-balancer.toml", vec![]),
+    ] {
+        for geometry in ["matched", "realistic"] {
+            for noisy in [false, true] {
+                let geometry = format!("plant.steering_geometry={geometry}");
+                let mut changes = changes.clone();
+                changes.extend([RAPIER, &geometry]);
+                if noisy {
+                    changes.extend(NOISE);
+                }
+                let (report, _) = ride(name, &changes);
+                let m = &report.metrics;
+                println!(
+                    "{name} {changes:?}: {:?} {} error {:?} / {:?} roll {:?} torque {:?} loads {:?} friction {:?} {:?} time {:?}",
+                    report.outcome,
+                    report.reason,
+                    m.lateral_error_max_m,
+                    m.lateral_error_rms_m,
+                    m.roll_max_deg,
+                    m.balancer_torque_max_nm,
+                    m.wheel_load_min_n,
+                    m.friction_use_rear_max,
+                    m.friction_use_front_max,
+                    m.time_s
+                );
+                assert_eq!(
+                    report.outcome,
+                    RunOutcome::Arrived,
+                    "{name} {changes:?}: {}",
+                    report.reason
+                );
+                assert!(
+                    m.lateral_error_max_m.is_some_and(|error| error < 0.030),
+                    "{name} {changes:?}"
+                );
+                assert!(
+                    m.lateral_error_rms_m.is_some_and(|error| error < 0.010),
+                    "{name} {changes:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn with_the_matched_geometry_it_rolls_as_the_simplified_bike() {
+    for mode in ["flywheel", "balancer"] {
+        let mode = format!("bike.mode={mode}");
+        let (_, simplified) = ride("course.toml", &[&mode]);
+        let (_, rigid) = ride("course.toml", &[&mode, RAPIER]);
+        let roll = |trace: &Trace| trace.column("roll_rad").expect("a column").1.to_vec();
+        let (simplified, rigid) = (roll(&simplified), roll(&rigid));
+        let peak = simplified
+            .iter()
+            .fold(0.0_f64, |most, roll| most.max(roll.abs()));
+        let difference = simplified
+            .iter()
+            .zip(&rigid)
+            .fold(0.0_f64, |most, (one, other)| most.max((one - other).abs()));
+        println!(
+            "{mode}: roll differs by {:.3} of {:.3} degrees",
+            difference.to_degrees(),
+            peak.to_degrees()
+        );
+        assert!(difference < 0.1 * peak, "{mode}: {difference} of {peak}");
+    }
+}
+
+#[test]
+fn one_seed_gives_one_ride() {
+    let mut changes = vec![
+        RAPIER,
+        "plant.steering_geometry=realistic",
+        "run.duration_s=3.0",
+    ];
+    changes.extend(NOISE);
+    let (one, _) = ride("course.toml", &changes);
+    let (other, _) = ride("course.toml", &changes);
+    assert_eq!(one.result_hash, other.result_hash);
+    changes.push("run.seed=2");
+    let (third, _) = ride("course.toml", &changes);
+    assert_ne!(one.result_hash, third.result_hash);
+}
+
+#[test]
+fn it_falls_when_physics_says_so() {
+    for (changes, reason) in [
+        // The motor of the balancer is dead.
+        (
+            vec![
+                "plant.bike.balancer_torque_max_nm=0.001",
+                "start.roll_deg=0.5",
+            ],
+            "roll",
+        ),
+        // On ice the first corner slides.
+        (vec!["plant.bike.friction=0.05"], "slip"),
+    ] {
+        let mut all = vec![RAPIER];
+        all.extend(&changes);
+        let (report, _) = ride("course.toml", &all);
+        println!(
+            "{changes:?}: {} after {:?} s",
+            report.reason, report.metrics.time_s
+        );
+        assert_eq!(
+            (report.outcome, report.reason.as_str()),
+            (RunOutcome::Fell, reason),
+            "{changes:?}"
+        );
+    }
+}
+
+#[test]
+fn a_box_on_the_course_is_run_into() {
+    let block = "map={bounds_m=[-2.0,-2.0,12.0,12.0],box=[{min_m=[4.0,1.0],max_m=[4.4,1.4]}]}";
+    for model in ["bike3d", "rapier3d"] {
+        let (report, _) = ride("course.toml", &[block, &format!("plant.model={model}")]);
+        println!(
+            "{model}: {} at {:?} m",
+            report.reason, report.metrics.min_clearance_m
+        );
+        assert_eq!(
+            (report.outcome, report.reason.as_str()),
+            (RunOutcome::Collided, "obstacle"),
+            "{model}"
+        );
+        // One tick of 7.5 mm at most.
+        assert!(
+            report
+                .metrics
+                .min_clearance_m
+                .is_some_and(|clearance| clearance.abs() < 0.01)
+        );
+    }
+}
+
+#[test]
+fn the_mode_changes_while_it_rides() {
+    let (report, trace) = ride(
+        "course.toml",
+        &[
+            RAPIER,
+            "plant.steering_geometry=realistic",
+            "bike.mode_change=[{time_s=1.0,mode=\"balancer\",duration_s=2.0}]",
+        ],
+    );
+    assert_eq!(report.outcome, RunOutcome::Arrived, "{}", report.reason);
+    let offset = trace.column("balancer_offset_m").expect("a column").1;
+    assert!(
+        offset
+            .last()
+            .is_some_and(|offset| (offset - 0.15).abs() < 1e-9)
+    );
+}
