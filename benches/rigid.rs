@@ -40,14 +40,14 @@ fn rigid(c: &mut Criterion) {
         let id = BenchmarkId::new("plant_only_one_second", iterations);
         group.bench_function(id, |b| {
             let params = BikeParams::default();
-            let assembly = SteeringGeometry::Realistic.assembly(&params);
+            let geometry = SteeringGeometry::Realistic;
             let state = BikeState::upright(Pose2::new(0.0, 0.0, 0.0), 1.0);
             let step = RigidStep {
                 iterations,
                 ..RigidStep::default()
             };
             b.iter(|| {
-                let mut bike = RigidBike::new(&params, &assembly, &state, &Offset::fixed(0.0), step)
+                let mut bike = RigidBike::new(&params, geometry, &state, &Offset::fixed(0.0), step)
                     .expect("the default bike");
                 for _ in 0..1000 {
                     bike.step(black_box(&BikeInput::default()));

@@ -4,8 +4,12 @@ use crate::params::BikeParams;
 use crate::whipple::{FrameBody, SteeringAssembly, WheelInertia};
 
 /// Share of link 1 given to each wheel and to the fork where they should weigh nothing: a multibody link needs
-/// some mass, and a wheel's spin adds its inertia to the mass that the drive accelerates (0.1 % here).
+/// some mass, and below this one the contact solver jitters in the wheels' spin. It adds 1 % to the mass that the
+/// drive accelerates.
 const LIGHT_SHARE: f64 = 5e-3;
+
+/// Wheel radius where it should not matter, as a share of the bike's.
+const SMALL_SHARE: f64 = 0.1;
 
 /// How the front wheel is hung.
 #[derive(
@@ -22,7 +26,9 @@ const LIGHT_SHARE: f64 = 5e-3;
 )]
 #[serde(rename_all = "snake_case")]
 pub enum SteeringGeometry {
-    /// What the simplified model assumes: no trail, a vertical steering axis, wheels that weigh nearly nothing.
+    /// What the simplified model assumes: no trail, a vertical steering axis, wheels that weigh nearly nothing and
+    /// touch the ground where the axis meets it. A wheel with a radius does not: turned on a leaning frame, its
+    /// lowest point moves aside, and its load there rolls the bike. So these wheels are a tenth as large.
     #[default]
     Matched,
     /// An electric bicycle's: 70° head angle, 60 mm trail, a hub motor in the rear wheel, rims and a fork that
@@ -40,6 +46,15 @@ impl SteeringGeometry {
         }
     }
 
+    /// Radius of both wheels, m.
+    #[must_use]
+    pub fn wheel_radius(self, params: &BikeParams) -> f64 {
+        match self {
+            Self::Matched => SMALL_SHARE * params.wheel_radius,
+            Self::Realistic => params.wheel_radius,
+        }
+    }
+
     /// Trail, axis, wheels and fork of this geometry for a bike.
     #[must_use]
     pub fn assembly(self, params: &BikeParams) -> SteeringAssembly {
@@ -47,7 +62,8 @@ impl SteeringGeometry {
             Self::Realistic => SteeringAssembly::e_bike(),
             Self::Matched => {
                 let mass = LIGHT_SHARE * params.m1;
-                let square = mass * params.wheel_radius.powi(2);
+                let radius = self.wheel_radius(params);
+                let square = mass * radius.powi(2);
                 let wheel = WheelInertia {
                     mass,
                     ixx: 0.5 * square,
@@ -60,7 +76,7 @@ impl SteeringGeometry {
                     front_wheel: wheel,
                     fork: FrameBody {
                         x: 0.0,
-                        z: -params.wheel_radius,
+                        z: -radius,
                         mass,
                         ixx: 0.1 * square,
                         iyy: 0.1 * square,

@@ -20,14 +20,7 @@ fn rigid(geometry: SteeringGeometry, state: &BikeState, d: f64) -> RigidBike {
 
 fn moving(geometry: SteeringGeometry, state: &BikeState, offset: Offset) -> RigidBike {
     let params = BikeParams::default();
-    RigidBike::new(
-        &params,
-        &geometry.assembly(&params),
-        state,
-        &offset,
-        RigidStep::default(),
-    )
-    .unwrap()
+    RigidBike::new(&params, geometry, state, &offset, RigidStep::default()).unwrap()
 }
 
 fn rolling(speed: f64) -> BikeState {
@@ -407,7 +400,7 @@ fn it_meets_an_obstacle_when_its_outline_does() {
         let mut met = None;
         for _ in 0..1500 {
             bike.step(&BikeInput::default());
-            if bike.touches_an_obstacle() {
+            if bike.has_touched_an_obstacle() {
                 met = Some(world.footprint_clearance(&footprint, &bike.state().pose));
                 break;
             }

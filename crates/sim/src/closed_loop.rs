@@ -774,7 +774,7 @@ let before = self.state;
             });
         let verdict = verdict.or_else(|| {
             let overlaps = facts.clearance.is_some_and(|clearance| clearance < 0.0);
-            (overlaps || self.plant.touches_an_obstacle()).then_some(Verdict {
+            (overlaps || self.plant.has_touched_an_obstacle()).then_some(Verdict {
                 outcome: RunOutcome::Collided,
                 reason: "obstacle",
             })

@@ -70,7 +70,7 @@ struct Rigid {
 pub(crate) fn rigid_bodies(params: &BikeParams, geometry: SteeringGeometry) -> Result<(), String> {
     #[cfg(feature = "rapier")]
     {
-        bikebot_dynamics::rigid::BicycleParts::robot(params, &geometry.assembly(params))
+        bikebot_dynamics::rigid::BicycleParts::robot(params, geometry)
             .map(drop)
             .map_err(|error| error.to_string())
     }
@@ -95,8 +95,7 @@ impl TruePlant {
                 duration: setup.step.seconds(),
                 ..RigidStep::default()
             };
-            let assembly = setup.steering_geometry.assembly(&params);
-            let mut bike = RigidBike::new(&params, &assembly, state, &offset, step)?;
+            let mut bike = RigidBike::new(&params, setup.steering_geometry, state, &offset, step)?;
             if let (Some(world), true) = (&setup.world, setup.path != PathSource::Standing) {
                 bike.surround(world, &setup.footprint);
             }
@@ -127,12 +126,12 @@ impl TruePlant {
         }
     }
 
-    /// Whether the bike's hull overlaps an obstacle; only the rigid-body model knows.
+    /// Whether the bike's hull has touched an obstacle; only the rigid-body model knows.
     #[must_use]
-    pub fn touches_an_obstacle(&self) -> bool {
+    pub fn has_touched_an_obstacle(&self) -> bool {
         #[cfg(feature = "rapier")]
         if let Some(rigid) = &self.rigid {
-            return rigid.bike.touches_an_obstacle();
+            return rigid.bike.has_touched_an_obstacle();
         }
         false
     }

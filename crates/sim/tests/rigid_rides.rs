@@ -186,19 +186,42 @@ fn a_box_on_the_course_is_run_into() {
 
 #[test]
 fn the_mode_changes_while_it_rides() {
-    let (report, trace) = ride(
-        "course.toml",
-        &[
-            RAPIER,
-            "plant.steering_geometry=realistic",
-            "bike.mode_change=[{time_s=1.0,mode=\"balancer\",duration_s=2.0}]",
-        ],
-    );
+    let change = "bike.mode_change=[{time_s=0.5,mode=\"balancer\",duration_s=1.0}]";
+    let (report, trace) = ride("course.toml", &[RAPIER, change]);
     assert_eq!(report.outcome, RunOutcome::Arrived, "{}", report.reason);
     let offset = trace.column("balancer_offset_m").expect("a column").1;
     assert!(
         offset
             .last()
             .is_some_and(|offset| (offset - 0.15).abs() < 1e-9)
+    );
+}
+
+#[test]
+fn a_step_too_long_for_the_tyres_and_a_bike_lighter_than_its_wheels_are_refused() {
+    let refused = |changes: &[&str]| {
+        let text = std::fs::read_to_string(
+            PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/course.toml"),
+        )
+        .expect("a shipped scenario");
+        let changes: Vec<Override> = changes
+            .iter()
+            .map(|change| change.parse().expect("key=value"))
+            .collect();
+        let file = ScenarioFile::parse(&text, &changes).expect("a scenario");
+        Setup::resolve(&file, &mut |name| Err(format!("no file {name}")))
+            .expect_err("refused")
+            .to_string()
+    };
+    let message = refused(&[RAPIER, "plant.step_s=0.0025"]);
+    assert!(message.contains("too long"), "{message}");
+    let message = refused(&[
+        RAPIER,
+        "plant.steering_geometry=realistic",
+        "plant.bike.m1_kg=10.0",
+    ]);
+    assert!(
+        message.contains("wheels and fork leave a frame of"),
+        "{message}"
     );
 }

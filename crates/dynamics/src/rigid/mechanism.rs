@@ -731,7 +731,7 @@ impl Mechanism {
         }
     }
 
-    /// Whether the hull overlaps an obstacle.
+    /// Whether the hull overlaps an obstacle, or is held off one.
     #[must_use]
     pub fn touches_an_obstacle(&self) -> bool {
         self.hull.iter().any(|part| {
@@ -741,7 +741,7 @@ impl Mechanism {
                 .filter_map(|pair| pair.rigid())
                 .flat_map(|contacts| &contacts.manifolds)
                 .flat_map(|manifold| &manifold.points)
-                .any(|point| point.dist < 0.0)
+                .any(|point| point.dist < 0.0 || point.data.impulse > 0.0)
         })
     }
 

@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::error::DynamicsError;
 use crate::params::BikeParams;
+use crate::steering_geometry::SteeringGeometry;
 use crate::whipple::{FrameBody, SteeringAssembly, WheelBody, WheelInertia, WhippleParams};
 
 /// A rigid body: how heavy, where, and how spread out.
@@ -150,13 +151,30 @@ pub struct BicycleParts {
 }
 
 impl BicycleParts {
-    /// The bike robot with wheels, fork and steering axis of `assembly`. Frame, fork and wheels together have
+    /// The bike robot with the wheels, fork and steering axis of `geometry`. Frame, fork and wheels together have
     /// exactly the mass, centre of gravity and inertia of the parameters' link 1.
     ///
     /// # Errors
     ///
     /// [`DynamicsError::NothingLeftForTheFrame`] where wheels and fork alone would exceed link 1.
-    pub fn robot(params: &BikeParams, assembly: &SteeringAssembly) -> Result<Self, DynamicsError> {
+    pub fn robot(params: &BikeParams, geometry: SteeringGeometry) -> Result<Self, DynamicsError> {
+        Self::with_assembly(
+            params,
+            &geometry.assembly(params),
+            geometry.wheel_radius(params),
+        )
+    }
+
+    /// As [`BicycleParts::robot`], of any assembly and any radius (m) of both wheels.
+    ///
+    /// # Errors
+    ///
+    /// As [`BicycleParts::robot`].
+    pub fn with_assembly(
+        params: &BikeParams,
+        assembly: &SteeringAssembly,
+        wheel_radius: f64,
+    ) -> Result<Self, DynamicsError> {
         let BikeParams { m1, wheelbase, .. } = *params;
         let link = Part {
             mass: m1,
@@ -165,7 +183,7 @@ impl BicycleParts {
         };
         let wheel = |inertia: &WheelInertia| Wheel {
             mass: inertia.mass,
-            radius: params.wheel_radius,
+            radius: wheel_radius,
             across: inertia.ixx,
             axial: inertia.iyy,
         };
@@ -248,7 +266,6 @@ impl From<&WhippleParams> for BicycleParts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::steering_geometry::SteeringGeometry;
 
     #[test]
     fn frame_fork_and_wheels_together_are_link_one() {
@@ -258,7 +275,7 @@ mod tests {
                 ..BikeParams::default()
             };
             for geometry in [SteeringGeometry::Matched, SteeringGeometry::Realistic] {
-                let parts = BicycleParts::robot(&params, &geometry.assembly(&params)).unwrap();
+                let parts = BicycleParts::robot(&params, geometry).unwrap();
                 let link = parts.lumped();
                 // A dozen products of order ten: rounding only.
                 assert!((link.mass - params.m1).abs() < 1e-12);
@@ -283,7 +300,7 @@ mod tests {
         };
         assert_eq!(thin.check(), Ok(()));
         assert!(matches!(
-            BicycleParts::robot(&thin, &SteeringAssembly::e_bike()),
+            BicycleParts::robot(&thin, SteeringGeometry::Realistic),
             Err(DynamicsError::NothingLeftForTheFrame { .. })
         ));
     }

@@ -12,7 +12,7 @@ use crate::constants::GRAVITY;
 use crate::contact::ContactForces;
 use crate::error::DynamicsError;
 use crate::params::{BikeParams, Offset};
-use crate::whipple::SteeringAssembly;
+use crate::steering_geometry::SteeringGeometry;
 
 /// How fast a wrong offset is corrected, 1/s.
 const SHIFT_GAIN: f64 = 20.0;
@@ -53,10 +53,11 @@ pub struct RigidBike {
     state: BikeState,
     acceleration: BikeAcceleration,
     contact: ContactForces,
+    has_touched: bool,
 }
 
 impl RigidBike {
-    /// The bike with wheels, fork and steering axis of `assembly`, put down in `state` with its balancer at
+    /// The bike with wheels, fork and steering axis of `geometry`, put down in `state` with its balancer at
     /// `offset`.
     ///
     /// # Errors
@@ -64,12 +65,12 @@ impl RigidBike {
     /// [`DynamicsError::NothingLeftForTheFrame`] where wheels and fork exceed the parameters' link 1.
     pub fn new(
         params: &BikeParams,
-        assembly: &SteeringAssembly,
+        geometry: SteeringGeometry,
         state: &BikeState,
         offset: &Offset,
         step: RigidStep,
     ) -> Result<Self, DynamicsError> {
-        let parts = BicycleParts::robot(params, assembly)?;
+        let parts = BicycleParts::robot(params, geometry)?;
         let axis = parts.steering_axis();
         let placement = Placement {
             position: Vector2::new(state.pose.position.x, state.pose.position.y),
@@ -114,6 +115,7 @@ impl RigidBike {
                 front_load: 0.0,
                 slides: false,
             },
+            has_touched: false,
             mechanism,
         })
     }
@@ -123,10 +125,10 @@ impl RigidBike {
         self.mechanism.surround(world, footprint);
     }
 
-    /// Whether the hull touches an obstacle.
+    /// Whether the hull has touched an obstacle.
     #[must_use]
-    pub fn touches_an_obstacle(&self) -> bool {
-        self.mechanism.touches_an_obstacle()
+    pub fn has_touched_an_obstacle(&self) -> bool {
+        self.has_touched
     }
 
     /// Moves the bike on by one step under a held input.
@@ -194,6 +196,7 @@ impl RigidBike {
             slides: false,
         };
         self.contact.slides = self.slides();
+        self.has_touched |= self.mechanism.touches_an_obstacle();
         self.motion = motion;
     }
 
