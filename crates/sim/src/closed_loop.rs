@@ -605,7 +605,7 @@ impl<'s> Ride<'s> {
                 self.input = input;
                 self.friction = loads.friction;
             }
-let before = self.state;
+            let before = self.state;
             self.state = self.plant.step(t, &before, &input, loads.friction, dt);
             self.metrics.work(&before, &self.state, &input, dt);
         }

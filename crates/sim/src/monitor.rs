@@ -189,7 +189,7 @@ mod tests {
             ..forces(100.0, 69.9)
         };
         let verdicts: Vec<_> = (0..4)
-            .map(|_| monitor.judge(&upright(), Some(&slides), TARMAC))
+            .map(|_| monitor.judge(&upright(), Some(&slides), GROUND))
             .collect();
         assert_eq!(verdicts[3].map(|verdict| verdict.reason), Some("slip"));
     }

@@ -41,51 +41,70 @@ fn ride(name: &str, changes: &[&str]) -> (RunReport, Trace) {
 
 const RAPIER: &str = "plant.model=rapier3d";
 
+/// How many seeds each ride is ridden with: two, or as many as `BIKEBOT_SEEDS` says. The table of `docs/plants.md` is
+/// what `BIKEBOT_SEEDS=20 cargo test -p bikebot-sim --test rigid_rides every -- --nocapture` prints.
+fn seeds() -> u64 {
+    std::env::var("BIKEBOT_SEEDS")
+        .ok()
+        .and_then(|count| count.parse().ok())
+        .unwrap_or(2)
+}
+
 #[test]
-fn every_shipped_ride_arrives_on_rigid_bodies() {
-    for (name, changes) in [
-        ("course.toml", vec![]),
-        ("course.toml", vec!["bike.mode=balancer"]),
-        ("fig7.toml", vec![]),
-        ("fig7-balancer.toml", vec![]),
+fn every_shipped_ride_arrives_on_rigid_bodies_with_noise() {
+    println!(
+        "| ride | front end | arrived | error max / rms, mm | roll, ° | torque, N m | friction use | least load, N |"
+    );
+    for (name, mode) in [
+        ("course.toml", "flywheel"),
+        ("course.toml", "balancer"),
+        ("fig7.toml", "flywheel"),
+        ("fig7-balancer.toml", "balancer"),
     ] {
         for geometry in ["matched", "realistic"] {
-            for noisy in [false, true] {
+            let mut arrived = 0;
+            let mut worst = [0.0_f64; 6];
+            worst[5] = f64::INFINITY;
+            for seed in 1..=seeds() {
                 let geometry = format!("plant.steering_geometry={geometry}");
-                let mut changes = changes.clone();
-                changes.extend([RAPIER, &geometry]);
-                if noisy {
-                    changes.extend(NOISE);
-                }
+                let mode = format!("bike.mode={mode}");
+                let seed = format!("run.seed={seed}");
+                let mut changes = vec![RAPIER, &geometry, &mode, &seed];
+                changes.extend(NOISE);
                 let (report, _) = ride(name, &changes);
+                arrived += u64::from(report.outcome == RunOutcome::Arrived);
                 let m = &report.metrics;
-                println!(
-                    "{name} {changes:?}: {:?} {} error {:?} / {:?} roll {:?} torque {:?} loads {:?} friction {:?} {:?} time {:?}",
-                    report.outcome,
-                    report.reason,
+                let friction = [m.friction_use_rear_max, m.friction_use_front_max]
+                    .into_iter()
+                    .flatten()
+                    .reduce(f64::max);
+                for (most, value) in worst.iter_mut().zip([
                     m.lateral_error_max_m,
                     m.lateral_error_rms_m,
                     m.roll_max_deg,
                     m.balancer_torque_max_nm,
-                    m.wheel_load_min_n,
-                    m.friction_use_rear_max,
-                    m.friction_use_front_max,
-                    m.time_s
-                );
+                    friction,
+                ]) {
+                    *most = most.max(value.unwrap_or(f64::NAN));
+                }
+                worst[5] = worst[5].min(m.wheel_load_min_n.unwrap_or(f64::NAN));
                 assert_eq!(
                     report.outcome,
                     RunOutcome::Arrived,
                     "{name} {changes:?}: {}",
                     report.reason
                 );
-                assert!(
-                    m.lateral_error_max_m.is_some_and(|error| error < 0.030),
-                    "{name} {changes:?}"
-                );
-                assert!(
-                    m.lateral_error_rms_m.is_some_and(|error| error < 0.010),
-                    "{name} {changes:?}"
-                );
+            }
+            let [error, rms, roll, torque, friction, load] = worst;
+            println!(
+                "| `{name}`, {mode} | {geometry} | {arrived}/{} | {:.0} / {:.1} | {roll:.1} | {torque:.0} | {friction:.2} | {load:.0} |",
+                seeds(),
+                1e3 * error,
+                1e3 * rms
+            );
+            // The claim is that of the matched front end; the realistic one is to arrive, and its difference tabled.
+            if geometry == "matched" {
+                assert!(error < 0.030 && rms < 0.010, "{name}: {error} {rms}");
             }
         }
     }
