@@ -740,6 +740,96 @@ mod tests {
         assert!((followed.braking_speed(0.09) - 0.3).abs() < 1e-12);
     }
 
+    /// One curve, so that nothing jumps but the steering's start.
+    fn curving() -> CurvePath {
+        CurvePath::new(vec![FergusonCurve::between(
+            Pose2::new(0.0, 0.0, 0.0),
+            Pose2::new(6.0, 2.5, 0.9),
+            6.5,
+        )])
+        .unwrap()
+    }
+
+    #[test]
+    fn where_curvature_is_continuous_the_curve_is_the_trace_of_the_own_point() {
+        let path = curving();
+        for ahead in [0.5, 1.12] {
+            let followed =
+                FollowedPath::new(&path, &FollowParams::default(), &LIMITS, ahead).unwrap();
+            // From the end backwards: the arc length of the trace is the integral of sqrt(1 + (l kappa)^2).
+            let (mut s, mut arc, h) = (path.length(), followed.length(), 1e-3);
+            while s > 1.8 {
+                let at = path.at(s);
+                let (sin, cos) = at.heading.sin_cos();
+                let trace = at.position + Vector2::new(cos, sin) * ahead;
+                let got = followed.sample(arc);
+                // The table's chords of a centimetre: kappa h^2/8.
+                assert!((got.position - trace).norm() < 2e-5, "at {s}");
+                let k = at.curvature;
+                let stretch = (1.0 + (ahead * k).powi(2)).sqrt();
+                let heading = at.heading + (ahead * k).atan();
+                assert!(
+                    angle::difference(got.heading, heading).abs() < 1e-4,
+                    "at {s}"
+                );
+                if s < path.length() - 0.05 {
+                    let slope = (path.at(s + h).curvature - path.at(s - h).curvature) / (2.0 * h);
+                    let wanted = (k + ahead * slope / (stretch * stretch)) / stretch;
+                    assert!(
+                        (got.curvature - wanted).abs() < 1e-3,
+                        "at {s}: {} for {wanted}",
+                        got.curvature
+                    );
+                }
+                let middle = path.at(s - 0.5 * h).curvature;
+                arc -= h * (1.0 + (ahead * middle).powi(2)).sqrt();
+                s -= h;
+            }
+        }
+    }
+
+    #[test]
+    fn the_curve_ends_the_look_ahead_in_front_of_the_goal_pose() {
+        let path = curving();
+        let goal = path.end_pose();
+        let followed = FollowedPath::new(&path, &FollowParams::default(), &LIMITS, AHEAD).unwrap();
+        let end = followed.sample(followed.length());
+        assert!((end.position - (goal.position + goal.direction() * AHEAD)).norm() < 1e-9);
+        // The rear contact's way to the goal, as the own point stands there.
+        assert!(followed.remaining(goal.position, followed.length()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_foot_stays_on_its_branch_where_the_curve_crosses_itself() {
+        // A loop: out along x, round to the left and back across the way out.
+        let poses = [
+            Pose2::new(0.0, 0.0, 0.0),
+            Pose2::new(6.0, 2.0, std::f64::consts::FRAC_PI_2),
+            Pose2::new(4.0, 4.0, std::f64::consts::PI),
+            Pose2::new(2.0, 2.0, -std::f64::consts::FRAC_PI_2),
+            Pose2::new(2.0, -4.0, -std::f64::consts::FRAC_PI_2),
+        ];
+        let curve = |p: &[Pose2]| {
+            FergusonCurve::between(p[0], p[1], 1.2 * (p[1].position - p[0].position).norm())
+        };
+        let path = CurvePath::new(poses.windows(2).map(curve).collect()).unwrap();
+        let followed = FollowedPath::new(&path, &FollowParams::default(), &LIMITS, 0.0).unwrap();
+        let (mut s, mut near) = (0.0, 0.0);
+        while s < followed.length() {
+            let sample = followed.sample(s);
+            let left = Vector2::new(-sample.heading.sin(), sample.heading.cos());
+            let point = sample.position + left * 0.1;
+            let wide = followed.project(point, s, 0.5);
+            let quick = followed.project_near(point, near);
+            near = quick.s;
+            for foot in [wide, quick] {
+                assert!((foot.s - s).abs() < 2e-3, "at {s}: {foot:?}");
+                assert!((foot.lateral - 0.1).abs() < 1e-4, "at {s}: {foot:?}");
+            }
+            s += 0.02;
+        }
+    }
+
     #[test]
     fn straight_on_beyond_both_ends() {
         let followed =

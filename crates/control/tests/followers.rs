@@ -80,7 +80,6 @@ fn the_preview_foresees_what_the_law_will_do() {
             came > 0.2,
             "{controller:?}: a look at a straight says nothing"
         );
-        println!("{controller:?}: {differs:.5} of {came:.3} m/s^2");
         assert!(differs < 0.01 * came, "{controller:?}: {differs} of {came}");
     }
 }

@@ -1,6 +1,8 @@
 //! The path followers side by side on the shipped courses; `--nocapture` prints the table of
 //! docs/following.md.
 
+#![expect(clippy::print_stdout, reason = "a table is what this prints")]
+
 use bikebot_sim::outcome::Metrics;
 use bikebot_sim::{Override, RunControl, RunOutcome, ScenarioFile, Setup, run};
 
