@@ -58,11 +58,11 @@ impl AugmentedEnergy {
         }
     }
 
-    /// By how much energy rose beyond what was accounted for in a tick of `dt` seconds, J; negative when
-    /// it did not.
+    /// By how far the books of a tick of `dt` seconds are off beyond rounding, J; negative when they are not.
+    /// Energy that vanishes without a trace is as wrong as energy from nowhere.
     #[must_use]
     pub fn unexplained(&self, dt: f64) -> f64 {
-        self.residual(dt) - Self::TOLERANCE
+        self.residual(dt).abs() - Self::TOLERANCE
     }
 
     /// Whether passivity was violated in a tick of `dt` seconds.

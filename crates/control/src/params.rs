@@ -46,7 +46,7 @@ impl Default for PurePursuitParams {
     fn default() -> Self {
         Self {
             distance: 0.3,
-            time: 0.2,
+            time: 0.15,
             steering_gain: 10.0,
         }
     }

@@ -101,3 +101,24 @@ fn rear_wheel_and_followed_point_are_both_where_they_should_be() {
         }
     }
 }
+
+#[test]
+fn the_energy_balances_on_slopes_with_the_tank_and_without() {
+    for (name, text) in [
+        ("course", COURSE),
+        ("course, smooth", SMOOTH),
+        ("figure of eight", EIGHT),
+    ] {
+        for grade in [-0.05, 0.05] {
+            for tank in [true, false] {
+                let slope = format!("disturbance=[{{kind=\"slope\",grade={grade}}}]");
+                let tank = format!("follow.energy_tank={tank}");
+                let m = ride(text, &[&slope, &tank]);
+                let what = format!("{name}, {grade}, {tank}: {m:?}");
+                // Every tick to 1e-9 J.
+                assert_eq!(m.passivity_violations, Some(0), "{what}");
+                assert!(mm(m.lateral_error_max_m) < 5.0, "{what}");
+            }
+        }
+    }
+}

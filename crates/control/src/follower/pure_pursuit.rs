@@ -66,7 +66,12 @@ mod tests {
     const WHEELBASE: f64 = 1.12;
 
     fn law() -> PurePursuit {
-        PurePursuit::new(&PurePursuitParams::default(), WHEELBASE)
+        let params = PurePursuitParams {
+            distance: 0.3,
+            time: 0.2,
+            ..PurePursuitParams::default()
+        };
+        PurePursuit::new(&params, WHEELBASE)
     }
 
     #[test]
