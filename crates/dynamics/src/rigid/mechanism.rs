@@ -169,7 +169,9 @@ const TURN: usize = 3;
 
 struct Balancer {
     turn: Coordinate,
-    shift: Coordinate,
+    shift: Option<Coordinate>,
+    /// Where its centre of gravity sits when it cannot be shifted, m.
+    offset: f64,
     moment: f64,
     weight: f64,
 }
@@ -191,6 +193,10 @@ pub struct Mechanism {
     front_tyre: ColliderHandle,
     ground: ColliderHandle,
     hull: Vec<ColliderHandle>,
+    step: (f64, usize),
+    friction: [f64; 2],
+    /// What surrounds the bicycle, and its hull, as they were built.
+    surroundings: (Vec<ColliderBuilder>, Vec<ColliderBuilder>),
     /// Inertia the steering servo is sized for, kg m².
     steer_inertia: f64,
     /// Torque of the steering servo in the last step, N m.
@@ -314,6 +320,16 @@ impl Mechanism {
                 centre: pivot,
                 inertia: Matrix3::from_diagonal(&balancer.moments),
             };
+            if !balancer.slides {
+                let fixed = Part {
+                    centre: pivot + Vector3::z() * placement.offset,
+                    ..whole
+                };
+                let body = world.insert_body(link(&fixed));
+                let turn = hinge(&Vector3::x(), &pivot, &fixed, &parts.frame);
+                world.insert_multibody_joint(frame, body, turn);
+                return (body, None, balancer.moments.x, balancer.mass);
+            }
             let share = |share: f64| Part {
                 mass: whole.mass * share,
                 centre: pivot,
@@ -334,7 +350,7 @@ impl Mechanism {
                     .contacts_enabled(false)
                     .build(),
             );
-            (arm, mass, balancer.moments.x, balancer.mass)
+            (arm, Some(mass), balancer.moments.x, balancer.mass)
         });
 
         let multibody = world
@@ -367,7 +383,8 @@ impl Mechanism {
         );
         let balancer = balancer.map(|(arm, mass, moment, weight)| Balancer {
             turn: coordinate(arm, TURN),
-            shift: coordinate(mass, SLIDE),
+            shift: mass.map(|mass| coordinate(mass, SLIDE)),
+            offset: placement.offset,
             moment,
             weight,
         });
@@ -391,6 +408,9 @@ impl Mechanism {
             front_tyre,
             ground,
             hull: Vec::new(),
+            step: (step, iterations),
+            friction: [friction; 2],
+            surroundings: (Vec::new(), Vec::new()),
             steer_inertia,
             steer_torque: 0.0,
         };
@@ -488,9 +508,11 @@ impl Mechanism {
         rates[self.steer.index] = at.steer_rate;
         if let Some(balancer) = &self.balancer {
             displacement[balancer.turn.index] = at.balancer - coordinate(&balancer.turn);
-            displacement[balancer.shift.index] = at.offset - coordinate(&balancer.shift);
+            if let Some(shift) = &balancer.shift {
+                displacement[shift.index] = at.offset - coordinate(shift);
+                rates[shift.index] = at.offset_rate;
+            }
             rates[balancer.turn.index] = at.balancer_rate;
-            rates[balancer.shift.index] = at.offset_rate;
         }
         multibody.apply_displacements(&displacement);
         multibody.generalized_velocity_mut().copy_from_slice(&rates);
@@ -521,8 +543,10 @@ impl Mechanism {
             if let Some(balancer) = &self.balancer {
                 let turn = driven(loads.balancer, balancer.moment / SERVO_TIME);
                 drive(multibody, &balancer.turn, turn);
-                let shift = driven(Drive::Rate(loads.shift), balancer.weight / SERVO_TIME);
-                drive(multibody, &balancer.shift, shift);
+                if let Some(slide) = &balancer.shift {
+                    let shift = driven(Drive::Rate(loads.shift), balancer.weight / SERVO_TIME);
+                    drive(multibody, slide, shift);
+                }
             }
         }
         self.world.step();
@@ -558,6 +582,7 @@ impl Mechanism {
 
     /// Sets the friction coefficients of the rear and the front tyre.
     pub fn set_friction(&mut self, rear: f64, front: f64) {
+        self.friction = [rear, front];
         for (tyre, friction) in [(self.rear_tyre, rear), (self.front_tyre, front)] {
             if self.world.colliders[tyre].friction() != friction {
                 self.world.colliders[tyre].set_friction(friction);
@@ -602,9 +627,12 @@ impl Mechanism {
     /// Offset of the balancer's centre of gravity along its arm, m.
     #[must_use]
     pub fn offset(&self) -> f64 {
-        self.balancer
-            .as_ref()
-            .map_or(0.0, |balancer| self.position(&balancer.shift))
+        self.balancer.as_ref().map_or(0.0, |balancer| {
+            balancer
+                .shift
+                .as_ref()
+                .map_or(balancer.offset, |slide| self.position(slide))
+        })
     }
 
     /// The frame's centre of gravity in the world frame, m.
@@ -716,12 +744,19 @@ impl Mechanism {
 
     /// Puts the world's obstacles around the bicycle, and the footprint's hull on its frame.
     pub fn surround(&mut self, world: &bikebot_world::World, footprint: &bikebot_world::Footprint) {
-        for obstacle in super::obstacles::colliders(world) {
+        self.surround_with((
+            super::obstacles::colliders(world),
+            super::obstacles::hull(footprint, &self.parts.frame.centre),
+        ));
+    }
+
+    fn surround_with(&mut self, surroundings: (Vec<ColliderBuilder>, Vec<ColliderBuilder>)) {
+        for obstacle in surroundings.0.iter().cloned() {
             self.world
                 .colliders
                 .insert(obstacle.collision_groups(groups(OBSTACLE, HULL)));
         }
-        for part in super::obstacles::hull(footprint, &self.parts.frame.centre) {
+        for part in surroundings.1.iter().cloned() {
             let collider = self.world.colliders.insert_with_parent(
                 part.density(0.0).collision_groups(groups(HULL, OBSTACLE)),
                 self.frame,
@@ -729,6 +764,42 @@ impl Mechanism {
             );
             self.hull.push(collider);
         }
+        self.surroundings = surroundings;
+    }
+
+    /// Whether the balancer's offset can be shifted.
+    #[must_use]
+    pub fn slides(&self) -> bool {
+        self.parts.balancer.is_some_and(|balancer| balancer.slides)
+    }
+
+    /// The same bicycle in the same motion, its balancer able to slide along its arm.
+    #[must_use]
+    pub fn with_slide(&self) -> Self {
+        let mut parts = self.parts;
+        if let Some(balancer) = &mut parts.balancer {
+            balancer.slides = true;
+        }
+        let rear = self.rear();
+        let placement = Placement {
+            position: rear.contact,
+            heading: rear.heading,
+            roll: rear.roll,
+            steer: self.steer(),
+            balancer: self.balancer(),
+            offset: self.offset(),
+            offset_rate: 0.0,
+            speed: rear.speed,
+            roll_rate: rear.roll_rate,
+            yaw_rate: rear.yaw_rate,
+            steer_rate: self.steer_rate(),
+            balancer_rate: self.balancer_rate(),
+        };
+        let (step, iterations) = self.step;
+        let mut sliding = Self::new(&parts, step, iterations, self.friction[0], &placement);
+        sliding.set_friction(self.friction[0], self.friction[1]);
+        sliding.surround_with(self.surroundings.clone());
+        sliding
     }
 
     /// Whether the hull overlaps an obstacle, or is held off one.

@@ -127,6 +127,9 @@ pub struct BalancerPart {
     pub height: f64,
     /// Moments of inertia about the centre of gravity, along x, y and the arm, kg m².
     pub moments: Vector3<f64>,
+    /// Whether its centre of gravity can be shifted along the arm; where it cannot it stays where it is placed,
+    /// and the mechanism has a link and a coordinate less to carry along.
+    pub slides: bool,
 }
 
 /// Everything a rigid-body bicycle is built from.
@@ -215,6 +218,7 @@ impl BicycleParts {
                 x: params.x2,
                 height: params.l,
                 moments: Vector3::new(params.i2x, params.i2y, params.i2z),
+                slides: false,
             }),
         })
     }

@@ -16,6 +16,8 @@ use crate::steering_geometry::SteeringGeometry;
 
 /// How fast a wrong offset is corrected, 1/s.
 const SHIFT_GAIN: f64 = 20.0;
+/// How far the offset may be from where it is wanted before the balancer is given its slide, m.
+const OFFSET_SLACK: f64 = 1e-6;
 /// Share of the friction cone from which on a tyre counts as sliding, together with a sliding speed: the solver
 /// keeps the force inside the cone, so that its share alone never exceeds one.
 const SLIDING_SHARE: f64 = 0.99;
@@ -70,7 +72,10 @@ impl RigidBike {
         offset: &Offset,
         step: RigidStep,
     ) -> Result<Self, DynamicsError> {
-        let parts = BicycleParts::robot(params, geometry)?;
+        let mut parts = BicycleParts::robot(params, geometry)?;
+        if let Some(balancer) = &mut parts.balancer {
+            balancer.slides = offset.rate != 0.0;
+        }
         let axis = parts.steering_axis();
         let placement = Placement {
             position: Vector2::new(state.pose.position.x, state.pose.position.y),
@@ -133,6 +138,11 @@ impl RigidBike {
 
     /// Moves the bike on by one step under a held input.
     pub fn step(&mut self, input: &BikeInput) {
+        let shifts = input.offset.rate != 0.0
+            || (input.offset.d - self.mechanism.offset()).abs() > OFFSET_SLACK;
+        if shifts && !self.mechanism.slides() {
+            self.mechanism = self.mechanism.with_slide();
+        }
         let (sin, cos) = self.motion.heading.sin_cos();
         let ahead = Vector3::new(cos, sin, 0.0);
         // The servo's target at the end of the step, seen from where the frame will lean then.
