@@ -39,6 +39,25 @@ fn each_ride_meets_its_expectations() {
 }
 
 #[test]
+fn each_fall_happens_for_its_reason() {
+    let names = shipped("falls");
+    assert!(names.len() >= 3, "{names:?}");
+    for name in names {
+        let (report, _) = common::ride(&name, &[]);
+        assert!(
+            report.passed(),
+            "{name}: {} ({}): {:#?}",
+            report.outcome,
+            report.reason,
+            report.expect
+        );
+        // Without the expectation it is a failure like any other: exit code 1.
+        let (plain, _) = common::ride(&name, &["expect={}"]);
+        assert!(!plain.passed(), "{name}");
+    }
+}
+
+#[test]
 fn each_planning_scene_is_planned_but_the_one_read_to_the_letter() {
     let names = shipped("planning");
     assert_eq!(names.len(), 8, "{names:?}");

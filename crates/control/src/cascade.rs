@@ -13,14 +13,18 @@
 //! A tick does not allocate.
 
 use bikebot_dynamics::constants::GRAVITY;
-use bikebot_dynamics::{BalancerMode, BikeParams, Command, Measurement, Offset, TwoLinkState};
-use bikebot_geometry::{CurvePath, Point2};
+use bikebot_dynamics::{
+    BalancerMode, Bike, BikeInput, BikeParams, BikeState, Command, Measurement, Offset,
+    TwoLinkState,
+};
+use bikebot_geometry::{CurvePath, Point2, Pose2};
 
 use crate::balance::{BalanceLaw, BalanceOutput, check_period};
 use crate::controller::{Controller, check_finite};
 use crate::error::ControlError;
 use crate::followed_path::{FollowedPath, RideLimits};
 use crate::follower::{FollowStep, Follower, PlaneMotion, Turning};
+use crate::guardian::{Guardian, Intervention, SupervisorParams, Watched};
 use crate::lean_reference::LeanReference;
 use crate::look_ahead::LookAhead;
 use crate::lyapunov::AugmentedEnergy;
@@ -91,6 +95,8 @@ pub struct ControlOutput {
     /// The energy account of the augmented system over the tick that has just ended; only the velocity
     /// field keeps one.
     pub energy: Option<AugmentedEnergy>,
+    /// What the guardian of the margins has decided in this tick.
+    pub intervention: Option<Intervention>,
     /// Standing upright: slower than 5 mm/s, within 0.5 deg of the lean held, turning over at less
     /// than 0.05 rad/s.
     pub at_rest: bool,
@@ -117,6 +123,9 @@ pub struct RideController {
     law: BalanceLaw,
     lean: LeanReference,
     supervisor: Supervisor,
+    guardian: Guardian,
+    /// The nominal bike, for loads and friction that no sensor measures.
+    nominal: Bike,
     phase: Phase,
     arc_length: f64,
     /// The phase of braking in which the goal has been reached.
@@ -166,6 +175,8 @@ impl RideController {
             law,
             lean,
             supervisor: Supervisor::new(bike, mode),
+            guardian: guardian(&SupervisorParams::default(), bike),
+            nominal: Bike::new(*bike),
             phase: Phase::Start,
             arc_length: projection.s,
             arrived: false,
@@ -177,6 +188,13 @@ impl RideController {
     #[must_use]
     pub fn follower(&self) -> &Follower {
         &self.follower
+    }
+
+    /// The same, with its margins watched.
+    #[must_use]
+    pub fn guarded(mut self, params: &SupervisorParams) -> Self {
+        self.guardian = guardian(params, &self.bike);
+        self
     }
 
     /// The point of the bike that is kept on the followed curve.
@@ -264,6 +282,8 @@ impl RideController {
             self.balance(m, &state, &turn, &reference, plane.steer_rate);
         let steer_rate = self.steerable(wanted_steer_rate, m.steer);
 
+        let saturated = balance.torque.abs() >= self.bike.balancer_torque_max;
+        let intervention = self.guard(m, drive_force, balance.torque, saturated);
         let lean_held =
             reference.value - balance.moment_estimate / self.law.model().toppling_stiffness();
         Ok(ControlOutput {
@@ -291,11 +311,67 @@ impl RideController {
             balancer_saturated: balance.saturated,
             drive_estimate: mass * self.drive.acceleration(),
             energy: plane.energy,
+            intervention,
             at_rest: self.phase == Phase::Hold
                 && m.speed.abs() < REST_SPEED
                 && (m.roll - lean_held).abs() < REST_ROLL
                 && m.roll_rate.abs() < REST_ROLL_RATE,
         })
+    }
+
+    /// Watches the margins and does what they ask for.
+    fn guard(
+        &mut self,
+        m: &Measurement,
+        drive_force: f64,
+        balancer_torque: f64,
+        saturated: bool,
+    ) -> Option<Intervention> {
+        let state = BikeState {
+            pose: m.pose,
+            steer: m.steer,
+            roll: m.roll,
+            balancer: m.balancer,
+            speed: m.speed,
+            roll_rate: m.roll_rate,
+            balancer_rate: m.balancer_rate,
+        };
+        let forces = self.nominal.contact_forces(
+            &state,
+            &BikeInput {
+                drive_force,
+                steer_rate: m.steer_rate,
+                balancer_torque,
+                offset: self.supervisor.offset(),
+                ..BikeInput::default()
+            },
+        );
+        let friction = self.bike.friction;
+        let watched = Watched {
+            mode: self.supervisor.mode(),
+            is_shifting: self
+                .supervisor
+                .change()
+                .is_some_and(|change| change.is_moving()),
+            balancer_speed: m.balancer_rate.abs(),
+            saturated,
+            divergent: self.divergent_error(m),
+            wheel_load: forces.rear_load.min(forces.front_load),
+            friction_use: forces
+                .friction_use_rear(friction)
+                .max(forces.friction_use_front(friction)),
+            speed: m.speed,
+        };
+        let intervention = self.guardian.tick(&watched, self.period);
+        self.path.set_speed_share(self.guardian.speed_share());
+        if let Some(Intervention::ToFlywheel(..)) = intervention {
+            let duration = self.guardian.shift_duration();
+            // Whether the bike can is known to the guardian; asking twice does no harm.
+            let _ = self
+                .supervisor
+                .request_urgently(BalancerMode::Flywheel, duration);
+        }
+        intervention
     }
 
     /// Start, cruise, brake and hold follow each other and never go back.
@@ -450,6 +526,17 @@ impl RideController {
         }
         rate.clamp(-self.bike.steer_rate_max, self.bike.steer_rate_max)
     }
+}
+
+fn guardian(params: &SupervisorParams, bike: &BikeParams) -> Guardian {
+    let rest = BikeState::upright(Pose2::new(0.0, 0.0, 0.0), 0.0);
+    let forces = Bike::new(*bike).contact_forces(&rest, &BikeInput::default());
+    Guardian::new(
+        params,
+        bike.balancer_speed_max,
+        forces.rear_load.min(forces.front_load),
+        bike.mode_change_is_possible().is_met(),
+    )
 }
 
 impl Controller for RideController {

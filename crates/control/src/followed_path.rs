@@ -79,6 +79,8 @@ pub struct FollowedPath {
     goal: Pose2,
     braking: f64,
     speed_max: f64,
+    /// Share of the profile's speed that is ridden.
+    speed_share: f64,
 }
 
 impl FollowedPath {
@@ -160,7 +162,13 @@ impl FollowedPath {
             goal: path.end_pose(),
             braking: params.braking_deceleration,
             speed_max,
+            speed_share: 1.0,
         })
+    }
+
+    /// Rides the whole profile at this share of its speed from now on; to be moved gently.
+    pub fn set_speed_share(&mut self, share: f64) {
+        self.speed_share = share;
     }
 
     /// The table, from the first to the last sample.
@@ -208,6 +216,7 @@ impl FollowedPath {
             return PathSample {
                 position: end.position + Vector2::new(cos, sin) * beyond,
                 curvature: 0.0,
+                speed: self.speed_share * end.speed,
                 speed_slope: 0.0,
                 ..end
             };
@@ -221,8 +230,8 @@ impl FollowedPath {
             position: a.position + (b.position - a.position) * t,
             heading: mix(a.heading, b.heading),
             curvature: mix(a.curvature, b.curvature),
-            speed: mix(a.speed, b.speed),
-            speed_slope: mix(a.speed_slope, b.speed_slope),
+            speed: self.speed_share * mix(a.speed, b.speed),
+            speed_slope: self.speed_share * mix(a.speed_slope, b.speed_slope),
         }
     }
 

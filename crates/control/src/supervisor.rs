@@ -43,6 +43,12 @@ impl ShiftConditions {
             && self.balancer.abs() < 0.2
             && self.balancer_rate.abs() < 1.0
     }
+
+    /// Whether the balancer may be shifted because it has to be: when it swings through its slowest moment.
+    #[must_use]
+    pub fn hold_in_need(&self) -> bool {
+        self.divergent.abs() < 6f64.to_radians() && self.balancer_rate.abs() < 3.0
+    }
 }
 
 /// A shift of the balancer: waiting for its conditions, then a quintic of time.
@@ -55,6 +61,8 @@ pub struct ModeChange {
     from: f64,
     to: f64,
     elapsed: Option<f64>,
+    /// It cannot wait for a calm moment.
+    is_urgent: bool,
 }
 
 impl ModeChange {
@@ -141,6 +149,32 @@ impl Supervisor {
     /// [`ControlError::ModeChangeUnderWay`] during another one, and
     /// [`ControlError::ModeChangeTooQuick`] below [`ModeChange::MIN_DURATION`].
     pub fn request(&mut self, mode: BalancerMode, duration: f64) -> Result<(), ControlError> {
+        self.ask(mode, duration, false)
+    }
+
+    /// As [`Supervisor::request`], for a change that cannot wait for a calm moment: it begins with the next
+    /// slow moment of the balancer. A change that still waits gives way to it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Supervisor::request`].
+    pub fn request_urgently(
+        &mut self,
+        mode: BalancerMode,
+        duration: f64,
+    ) -> Result<(), ControlError> {
+        if self.change.is_some_and(|change| !change.is_moving()) {
+            self.change = None;
+        }
+        self.ask(mode, duration, true)
+    }
+
+    fn ask(
+        &mut self,
+        mode: BalancerMode,
+        duration: f64,
+        is_urgent: bool,
+    ) -> Result<(), ControlError> {
         if let Some(ModeChangeCondition {
             percussion_height,
             bound,
@@ -168,6 +202,7 @@ impl Supervisor {
                 from: self.offset.d,
                 to,
                 elapsed: None,
+                is_urgent,
             });
         }
         Ok(())
@@ -180,7 +215,7 @@ impl Supervisor {
         };
         let elapsed = match change.elapsed {
             Some(elapsed) => elapsed + dt,
-            None if conditions.hold() => dt,
+            None if conditions.hold() || change.is_urgent && conditions.hold_in_need() => dt,
             None => return false,
         };
         change.elapsed = Some(elapsed);

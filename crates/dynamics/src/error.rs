@@ -43,6 +43,17 @@ pub enum DynamicsError {
         /// Least principal moment of inertia, kg m².
         least_moment: f64,
     },
+    /// A balancer whose centre of gravity would pass through the ground.
+    #[error(
+        "the balancer's centre of gravity swings {offset} m about a pivot {pivot} m above the ground, so it \
+         would pass below it: the offset must stay below the height"
+    )]
+    BalancerBelowGround {
+        /// Height of the pivot, `l`, m.
+        pivot: f64,
+        /// The larger of the two offsets `d`, m.
+        offset: f64,
+    },
     /// A laser whose nearest reading lies beyond its farthest.
     #[error("the laser's least range {min} m must stay below its largest range {max} m")]
     EmptyRange {

@@ -285,7 +285,8 @@ impl BikeParams {
     ///
     /// [`DynamicsError::ImpossibleInertia`] when moments of inertia violate the triangle
     /// inequality, [`DynamicsError::ImpossibleProduct`] when the product of inertia is too
-    /// large beside them.
+    /// large beside them, [`DynamicsError::BalancerBelowGround`] when the balancer would swing through the
+    /// ground.
     pub fn check(&self) -> Result<(), DynamicsError> {
         for (link, x, y, z) in [
             ("link 1", self.i1x, self.i1y, self.i1z),
@@ -303,6 +304,14 @@ impl BikeParams {
                 product: self.i1xz,
                 x: self.i1x,
                 z: self.i1z,
+            });
+        }
+        let offset = self.flywheel_offset.max(self.balancer_offset);
+        let possible = offset < self.l;
+        if !possible {
+            return Err(DynamicsError::BalancerBelowGround {
+                pivot: self.l,
+                offset,
             });
         }
         Ok(())

@@ -12,6 +12,7 @@ use crate::chance::{Component, stream};
 use crate::clock::SimTime;
 use crate::disturbance::{Disturbances, MotorFaults, SensorFaults, Turn};
 use crate::error::Error;
+use crate::fall_cause::{FallCause, is_beyond_recovery};
 use crate::monitor::{Edge, FallMonitor, PassivityMonitor, Verdict};
 use crate::outcome::{ExpectCheck, Metrics, RunOutcome};
 use crate::picture;
@@ -24,6 +25,7 @@ use crate::ride_metrics::{RideMetrics, TickFacts};
 use crate::scenario::PlantModel;
 use crate::setup::{PathSource, Setup};
 use crate::true_plant::{TruePlant, true_offset};
+use bikebot_control::Intervention;
 use bikebot_dynamics::{
     Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Saturation, Sensors,
 };
@@ -336,6 +338,7 @@ struct Ride<'s> {
     laser: Option<Laser>,
     pilot: Pilot,
     falls: FallMonitor,
+    fall_cause: FallCause,
     passivity: PassivityMonitor,
     metrics: RideMetrics,
     distance: f64,
@@ -410,6 +413,7 @@ impl<'s> Ride<'s> {
                 setup.noise.odometry_replay,
             ),
             falls: FallMonitor::new(setup.control),
+            fall_cause: FallCause::default(),
             passivity: PassivityMonitor::default(),
             metrics: RideMetrics::new(setup.plant, path),
             input: BikeInput {
@@ -608,6 +612,10 @@ impl<'s> Ride<'s> {
             let before = self.state;
             self.state = self.plant.step(t, &before, &input, loads.friction, dt);
             self.metrics.work(&before, &self.state, &input, dt);
+            // What is no number is not stepped any further: the judge names it.
+            if !self.state.is_finite() {
+                break;
+            }
         }
         saturation
     }
@@ -752,7 +760,39 @@ impl<'s> Ride<'s> {
             "the balancer's offset is being shifted",
             output.offset.d,
         )?;
-        Ok(Facts { contact, clearance })
+        if let Some(intervention) = output.intervention {
+            let (text, used) = match intervention {
+                Intervention::ToFlywheel(margin, used) => (
+                    format!("to flywheel mode: {} runs out", margin.words()),
+                    used,
+                ),
+                Intervention::SlowDown(margin, used) => {
+                    (format!("slower: {} runs out", margin.words()), used)
+                }
+                Intervention::SpeedUp => ("back to speed: every margin is open".to_owned(), 0.0),
+            };
+            recorder.record(
+                time,
+                &Event::Notice {
+                    kind: NoticeKind::Supervisor,
+                    text: &text,
+                    value: used,
+                },
+            )?;
+        }
+        Ok(Facts {
+            contact,
+            clearance,
+            balancer_at_limit: control.balancer_saturated || self.balancer_is_at_limit(state),
+        })
+    }
+
+    /// A law that knows the limits asks for no more, so that nothing is cut: the limit is seen in what is given.
+    fn balancer_is_at_limit(&self, state: &BikeState) -> bool {
+        const NEARLY: f64 = 0.999;
+        let bike = self.plant.params();
+        self.input.balancer_torque.abs() >= NEARLY * bike.balancer_torque_max
+            || state.balancer_rate.abs() >= NEARLY * bike.balancer_speed_max
     }
 
     fn judge(
@@ -764,14 +804,25 @@ impl<'s> Ride<'s> {
     ) -> Result<Option<Verdict>, Error> {
         let verdict = self
             .falls
-            .judge(state, facts.contact.as_ref(), self.friction)
-            .or_else(|| {
-                // The next state has to be finite before anything else looks at it.
-                (!self.state.is_finite()).then_some(Verdict {
-                    outcome: RunOutcome::Fell,
-                    reason: "not_finite",
-                })
-            });
+            .judge(state, facts.contact.as_ref(), self.friction);
+        let certain = matches!(self.setup.plant, PlantModel::TwoLink | PlantModel::Bike3d)
+            && is_beyond_recovery(self.plant.params(), state, &self.input);
+        let given_up = self.falls.give_up(certain);
+        let verdict = verdict.or(given_up).or_else(|| {
+            // The next state has to be finite before anything else looks at it.
+            (!self.state.is_finite()).then_some(Verdict {
+                outcome: RunOutcome::Fell,
+                reason: "not_finite",
+            })
+        });
+        self.fall_cause.watch(state.roll, facts.balancer_at_limit);
+        let verdict = verdict.map(|verdict| match verdict.reason {
+            "roll" => Verdict {
+                reason: self.fall_cause.name(&self.disturbances, time.seconds()),
+                ..verdict
+            },
+            _ => verdict,
+        });
         let verdict = verdict.or_else(|| {
             let overlaps = facts.clearance.is_some_and(|clearance| clearance < 0.0);
             (overlaps || self.plant.has_touched_an_obstacle()).then_some(Verdict {
@@ -780,16 +831,25 @@ impl<'s> Ride<'s> {
             })
         });
         if let Some(verdict) = verdict {
+            let told: String;
             let (kind, text, value) = match verdict.reason {
                 "slip" => (NoticeKind::Slip, "a tyre slipped", f64::NAN),
                 "wheel_lift" => (NoticeKind::WheelLift, "a wheel left the ground", f64::NAN),
-                "not_finite" => (NoticeKind::NonFinite, "the state is not finite", f64::NAN),
+                "not_finite" => {
+                    let first = [state, &self.state].into_iter().find_map(not_finite);
+                    let (name, value) = first.unwrap_or(("state", f64::NAN));
+                    told = format!("{name} is not finite");
+                    (NoticeKind::NonFinite, told.as_str(), value)
+                }
                 "obstacle" => (
                     NoticeKind::Collision,
                     "the outline met an obstacle",
                     facts.clearance.unwrap_or(f64::NAN),
                 ),
-                _ => (NoticeKind::Fell, "the bike fell", state.roll),
+                reason => {
+                    told = fall_in_words(reason).to_owned();
+                    (NoticeKind::Fell, told.as_str(), state.roll)
+                }
             };
             recorder.record(time, &Event::Notice { kind, text, value })?;
         }
@@ -882,6 +942,34 @@ impl<'s> Ride<'s> {
 struct Facts {
     contact: Option<bikebot_dynamics::ContactForces>,
     clearance: Option<f64>,
+    balancer_at_limit: bool,
+}
+
+/// The first number of a state that is none, by the name it has in a recording.
+fn not_finite(state: &BikeState) -> Option<(&'static str, f64)> {
+    [
+        ("x_m", state.pose.position.x),
+        ("y_m", state.pose.position.y),
+        ("heading_rad", state.pose.heading),
+        ("steer_rad", state.steer),
+        ("roll_rad", state.roll),
+        ("balancer_rad", state.balancer),
+        ("speed_mps", state.speed),
+        ("roll_rate_radps", state.roll_rate),
+        ("balancer_rate_radps", state.balancer_rate),
+    ]
+    .into_iter()
+    .find(|(_, value)| !value.is_finite())
+}
+
+fn fall_in_words(reason: &str) -> &'static str {
+    match reason {
+        "balancer_stuck" => "the bike fell: its balancer was stuck",
+        "steering_stuck" => "the bike fell: its steering was stuck",
+        "sensor_fault" => "the bike fell: a sensor was faulty",
+        "balancer_saturated" => "the bike fell: its balancer was at its limits",
+        _ => "the bike fell",
+    }
 }
 
 fn with_measurement(sample: &mut ControlSample, measured: &Measurement) {

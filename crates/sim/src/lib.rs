@@ -14,6 +14,7 @@ pub mod clock;
 pub mod closed_loop;
 pub mod disturbance;
 mod error;
+pub mod fall_cause;
 pub mod monitor;
 pub mod outcome;
 pub mod path_file;

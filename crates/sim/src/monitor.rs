@@ -10,6 +10,8 @@ use bikebot_dynamics::{BikeState, ContactForces};
 pub const FALL_ROLL: f64 = 0.7;
 /// How long the friction may be exceeded before it counts as a slip, s.
 pub const SLIP_TIME: f64 = 0.020;
+/// How long a fall has to be beyond recovery before it is called, s.
+pub const BEYOND_RECOVERY_TIME: f64 = 0.050;
 /// How long a wheel may be off the ground, s.
 pub const WHEEL_LIFT_TIME: f64 = 0.050;
 
@@ -18,7 +20,7 @@ pub const WHEEL_LIFT_TIME: f64 = 0.050;
 pub struct Verdict {
     /// How it ended.
     pub outcome: RunOutcome,
-    /// One of a closed list: `roll`, `slip`, `wheel_lift`, `obstacle`, `not_finite`.
+    /// One of a closed list: [`FALL_REASONS`](crate::fall_cause::FALL_REASONS), or `obstacle`.
     pub reason: &'static str,
 }
 
@@ -28,6 +30,7 @@ pub struct FallMonitor {
     tick: Period,
     slipping: SimTime,
     lifted: SimTime,
+    falling: SimTime,
 }
 
 impl FallMonitor {
@@ -38,7 +41,22 @@ impl FallMonitor {
             tick,
             slipping: SimTime::ZERO,
             lifted: SimTime::ZERO,
+            falling: SimTime::ZERO,
         }
+    }
+
+    /// A tick in which nothing could keep the bike from falling any more, or in which something could: a
+    /// fall that is certain is not waited for.
+    pub fn give_up(&mut self, is_beyond_recovery: bool) -> Option<Verdict> {
+        self.falling = if is_beyond_recovery {
+            self.falling + self.tick
+        } else {
+            SimTime::ZERO
+        };
+        (self.falling >= SimTime::from_seconds(BEYOND_RECOVERY_TIME)).then_some(Verdict {
+            outcome: RunOutcome::Fell,
+            reason: "roll",
+        })
     }
 
     /// Judges one tick, on ground with this friction under the rear and the front wheel; `None` while the

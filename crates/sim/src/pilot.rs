@@ -3,7 +3,9 @@
 use crate::error::Error;
 use crate::record::{ControlSample, PathSample, RidePhase};
 use crate::setup::{ScheduledModeChange, Setup};
-use bikebot_control::{AugmentedEnergy, BalanceController, ControlError, Phase, RideController};
+use bikebot_control::{
+    AugmentedEnergy, BalanceController, ControlError, Intervention, Phase, RideController,
+};
 use bikebot_dynamics::{BikeState, Command, Measurement, Offset, TwoLinkState};
 use bikebot_geometry::{CurvePath, Point2};
 
@@ -40,6 +42,8 @@ pub(crate) struct PilotOutput {
     pub energy: Option<AugmentedEnergy>,
     /// The controller has brought the bike to a standstill and holds it there.
     pub holds: bool,
+    /// What the guardian of the margins has decided.
+    pub intervention: Option<Intervention>,
     /// What of this the recording shows.
     pub sample: ControlSample,
 }
@@ -76,7 +80,8 @@ impl Pilot {
                     path,
                     start,
                     period,
-                )?;
+                )?
+                .guarded(&setup.supervisor);
                 Kind::Rider {
                     controller: Box::new(controller),
                     true_s: 0.0,
@@ -162,6 +167,7 @@ impl Pilot {
                     fallback: output.fallback,
                     energy: output.energy,
                     holds: output.phase == Phase::Hold,
+                    intervention: output.intervention,
                     sample,
                 })
             }
@@ -188,6 +194,7 @@ impl Pilot {
                     fallback: output.fallback,
                     energy: None,
                     holds: false,
+                    intervention: None,
                     sample,
                 })
             }

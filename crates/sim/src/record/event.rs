@@ -260,11 +260,13 @@ pub enum NoticeKind {
     TimedOut,
     /// Someone stopped the run.
     Interrupted,
+    /// A margin ran out, or is wide open again, and the controller acts on it; value: the share of it in use.
+    Supervisor,
 }
 
 impl NoticeKind {
     /// Every kind, in the order of the list.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Collision,
         Self::GoalReached,
         Self::Fell,
@@ -281,6 +283,7 @@ impl NoticeKind {
         Self::ControlFailed,
         Self::TimedOut,
         Self::Interrupted,
+        Self::Supervisor,
     ];
 
     /// The name on the wire.
@@ -303,6 +306,7 @@ impl NoticeKind {
             Self::ControlFailed => "control_failed",
             Self::TimedOut => "timed_out",
             Self::Interrupted => "interrupted",
+            Self::Supervisor => "supervisor",
         }
     }
 }

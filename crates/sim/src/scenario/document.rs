@@ -379,6 +379,7 @@ impl Scenario {
             path: None,
             follow: Default::default(),
             balance: Default::default(),
+            supervisor: Default::default(),
             laser: Default::default(),
             plant: Default::default(),
             noise: Default::default(),

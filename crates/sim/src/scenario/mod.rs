@@ -20,7 +20,7 @@ pub use schema::json_schema;
 
 use crate::outcome::Expect;
 use crate::record::RecordOptions;
-use bikebot_control::{BalanceParams, FollowParams};
+use bikebot_control::{BalanceParams, FollowParams, SupervisorParams};
 use bikebot_dynamics::{BalancerMode, BikeParams, LaserParams, SensorParams, SteeringGeometry};
 use bikebot_planner::PlannerParams;
 use schemars::JsonSchema;
@@ -64,6 +64,9 @@ pub struct Scenario {
     /// Balance.
     #[serde(default)]
     pub balance: BalanceParams,
+    /// Watching the margins while riding.
+    #[serde(default)]
+    pub supervisor: SupervisorParams,
     /// Laser range finder; scans are recorded while riding.
     #[serde(default)]
     pub laser: LaserParams,

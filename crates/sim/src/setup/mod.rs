@@ -14,7 +14,7 @@ use crate::clock::{Period, SimTime};
 use crate::outcome::Expect;
 use crate::record::RecordOptions;
 use crate::scenario::{Disturbance, PlantModel, Scenario, ScenarioError, ScenarioFile};
-use bikebot_control::{BalanceParams, FollowParams, FollowedPath};
+use bikebot_control::{BalanceParams, FollowParams, FollowedPath, SupervisorParams};
 use bikebot_dynamics::{
     BalancerMode, BikeParams, BikeState, LaserParams, SensorParams, SteeringGeometry,
 };
@@ -119,6 +119,8 @@ pub struct Setup {
     pub follow: FollowParams,
     /// Balance.
     pub balance: BalanceParams,
+    /// Watching the margins.
+    pub supervisor: SupervisorParams,
     /// Laser.
     pub laser: LaserParams,
     /// Sensors.
@@ -225,6 +227,7 @@ impl Resolver<'_> {
             mode_changes,
             follow: scenario.follow.clone(),
             balance: scenario.balance.clone(),
+            supervisor: scenario.supervisor.clone(),
             laser,
             noise: scenario.noise,
             disturbances,

@@ -2,7 +2,7 @@
 
 use super::{MAX_TICKS, Resolver, SetupError};
 use crate::clock::{ClockError, Period, SimTime};
-use crate::scenario::PlantModel;
+use crate::scenario::{Disturbance, PlantModel};
 
 /// Longest step of the rigid-body model, s.
 const RIGID_STEP_MAX: f64 = 0.002;
@@ -41,6 +41,7 @@ impl Resolver<'_> {
                 format!("use at most {RIGID_STEP_MAX}, or leave it out for 0.001: beyond it the tyres' forces lag"),
             );
         }
+        self.step_resolves_the_lags()?;
         let ticks = SimTime::from_seconds(self.scenario.run.duration_s).nanoseconds()
             / control.nanoseconds();
         if ticks > MAX_TICKS {
@@ -54,5 +55,43 @@ impl Resolver<'_> {
             );
         }
         Ok((step, control))
+    }
+
+    /// A step longer than a lag sees nothing of it.
+    fn step_resolves_the_lags(&self) -> Result<(), SetupError> {
+        let step = self.scenario.plant.step_s;
+        let true_lag = self.scenario.plant.bike.0.get("steer_lag_s");
+        let steering = true_lag
+            .and_then(|value| {
+                value
+                    .as_float()
+                    .or(value.as_integer().map(|lag| lag as f64))
+            })
+            .unwrap_or(self.scenario.bike.params.steer_lag);
+        let steering_key = ["plant.bike.steer_lag_s", "bike.steer_lag_s"]
+            .into_iter()
+            .find(|key| self.file.is_written(key))
+            .unwrap_or("plant.step_s");
+        let faults = self.scenario.disturbance.iter().enumerate();
+        let lags = faults
+            .filter_map(|(index, disturbance)| match disturbance {
+                Disturbance::Fault(fault) => {
+                    Some((format!("disturbance.{index}.lag_s"), fault.lag_s?))
+                }
+                _ => None,
+            })
+            .chain([(steering_key.to_owned(), steering)]);
+        for (key, lag) in lags {
+            if lag > 0.0 && step > lag {
+                return self.refuse(
+                    &key,
+                    format!(
+                        "`plant.step_s` = {step} is longer than the lag of {lag} s of a motor, so the lag would not be seen"
+                    ),
+                    format!("choose `plant.step_s` of at most {lag}, or a lag of 0"),
+                );
+            }
+        }
+        Ok(())
     }
 }
