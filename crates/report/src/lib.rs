@@ -13,6 +13,7 @@
 pub mod axis;
 pub mod drawing;
 mod eigenvalue_figure;
+mod envelope_figure;
 mod error;
 mod grid_outline;
 pub mod label;
@@ -26,6 +27,7 @@ mod scenery;
 pub mod svg;
 
 pub use eigenvalue_figure::EigenvalueFigure;
+pub use envelope_figure::{Cell, Dimension, EnvelopeFigure, Panel, name_of_key as envelope_name};
 pub use error::ReportError;
 pub use plan_figure::{PlanFigure, PlanStyle, PlanView};
 pub use plan_file::PlanFile;

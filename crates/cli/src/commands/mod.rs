@@ -4,6 +4,7 @@ pub mod check;
 pub mod compare;
 pub mod completions;
 pub mod eigenvalues;
+pub mod envelope;
 pub mod explain;
 pub mod info;
 pub mod init;

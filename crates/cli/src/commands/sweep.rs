@@ -17,6 +17,8 @@ use crate::output::Output;
 use crate::render;
 use crate::terminal::Terminal;
 
+use super::envelope::EnvelopeMap;
+
 /// Run a scenario over ranges of values and seeds, one CSV row for each run
 ///
 /// Values of several --vary multiply, and so do seeds. Rows come in the same order
@@ -26,7 +28,9 @@ use crate::terminal::Terminal;
 Examples:
   bikebot sweep scenario.toml --vary bike.m1_kg=30:50:5 -o masses.csv
   bikebot sweep scenario.toml --vary follow.max_speed_mps=[1.0,1.5,2.0] --runs 20 -o speeds.csv
-  bikebot sweep scenario.toml --vary bike.mode='[\"flywheel\",\"balancer\"]' --runs 5 -o modes/")]
+  bikebot sweep scenario.toml --vary bike.mode='[\"flywheel\",\"balancer\"]' --runs 5 -o modes/
+  bikebot sweep push.toml --vary disturbance.0.impulse_ns=0:40:9 --vary follow.max_speed_mps=0.5:2.5:9 \\
+      -o push.csv --map push.svg")]
 pub struct SweepArgs {
     #[command(flatten)]
     pub scenario: ScenarioArg,
@@ -43,6 +47,9 @@ pub struct SweepArgs {
     /// Where the rows go: a CSV file, or a folder (which gets sweep.csv)
     #[arg(short, long, value_name = "FILE.csv|DIR")]
     pub output: PathBuf,
+    /// Draw the envelope map as well: the first --vary to the right, the second upwards, any other in panels
+    #[arg(long, value_name = "FILE.svg|FILE.png")]
+    pub map: Option<PathBuf>,
     #[command(flatten)]
     pub force: Force,
     /// One JSON object telling how many runs ended how, instead of the summary
@@ -58,6 +65,8 @@ struct SweepJson {
     invalid: usize,
     outcomes: BTreeMap<&'static str, usize>,
     output: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    map: Option<String>,
     interrupted: bool,
     version: &'static str,
 }
@@ -98,6 +107,10 @@ impl Tally {
 /// Runs them all.
 pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
     let varies = varies(&args.vary)?;
+    let mut map = match &args.map {
+        Some(path) => Some(EnvelopeMap::over(path, &varies)?),
+        None => None,
+    };
     let loaded = Loaded::read(&args.scenario.scenario, &args.changes)?;
     let setup = loaded.setup(terminal)?;
     let first = setup.seed;
@@ -117,6 +130,16 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
         ));
     };
     let output = open(&args.output, args.force)?;
+    let picture = match &args.map {
+        Some(path) => match Output::create(path, args.force.force) {
+            Ok(picture) => Some(picture),
+            Err(failure) => {
+                output.discard();
+                return Err(failure);
+            }
+        },
+        None => None,
+    };
     interrupt::install()?;
 
     // Row by row, so that a crash leaves what was done in the `.part` file.
@@ -134,6 +157,9 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
         &mut |row| {
             bar.inc(1);
             tally.count(&row);
+            if let Some(map) = &mut map {
+                map.add(&row);
+            }
             if written.is_ok() {
                 written = writeln!(table, "{}", row.csv_line());
             }
@@ -144,6 +170,9 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
         Ok(rows) => rows,
         Err(error) => {
             output.discard();
+            if let Some(picture) = picture {
+                picture.discard();
+            }
             return Err(tell(&loaded, error, &args.vary));
         }
     };
@@ -151,6 +180,12 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
         return Err(Failure::file("write", output.path(), &error));
     }
     let path = output.finish()?;
+    let drawn = match (map, picture) {
+        (Some(map), Some(picture)) => {
+            Some(picture.write_all(&map.picture(loaded.file().scenario.name.as_str())?)?)
+        }
+        _ => None,
+    };
     let interrupted = rows < total;
     if args.json {
         let json = SweepJson {
@@ -159,6 +194,7 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
             invalid: tally.invalid,
             outcomes: tally.outcomes,
             output: path.display().to_string(),
+            map: drawn.as_ref().map(|path| path.display().to_string()),
             interrupted,
             version: env!("CARGO_PKG_VERSION"),
         };
@@ -170,10 +206,11 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
             String::new()
         };
         terminal.print(&format!(
-            "{}{cut}: {}\n{}\n",
+            "{}{cut}: {}\n{}\n{}",
             render::count(rows as u64, "run"),
             tally.sentence(),
-            render::path(&path)
+            render::path(&path),
+            drawn.map_or(String::new(), |path| format!("{}\n", render::path(&path)))
         ))?;
     }
     // A sweep asks how runs end; that some fall is an answer, not a failure.
