@@ -2,6 +2,8 @@
 
 pub mod compare;
 mod compare_text;
+pub mod robustness;
+pub mod robustness_text;
 mod spread;
 pub mod table2;
 mod table2_text;
