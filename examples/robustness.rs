@@ -7,7 +7,7 @@
 //!
 //! Exit code 1 if a row fails that the reference holds.
 
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout, reason = "an example shows what it found")]
 
 use bikebot::sim::study::{robustness, robustness_text};
 use std::process::ExitCode;
