@@ -253,8 +253,8 @@ impl EnvelopeFigure {
         chart.data(drawing, items);
         chart.frame(drawing, 6, 6, &self.x.name);
         let remark = match panel.name.as_str() {
-            "" => format!("{} recovered", self.share(panel)),
-            name => format!("{name}: {}", self.share(panel)),
+            "" => self.share(panel),
+            name => format!("{name} · {}", self.share(panel)),
         };
         chart.heading(drawing, &self.y.name, &remark);
     }
@@ -266,9 +266,9 @@ impl EnvelopeFigure {
             (good + cell.recovered, all + cell.recovered + failed)
         });
         if all == 0 {
-            return "none".into();
+            return "nothing was run".into();
         }
-        format!("{:.1} %", 100.0 * good as f64 / all as f64)
+        format!("{:.1} % recovered", 100.0 * good as f64 / all as f64)
     }
 
     fn legend(&self) -> Legend {
