@@ -245,3 +245,111 @@ pub(super) fn roll_out(
     }
     node
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bikebot_dynamics::BikeParams;
+
+    fn trouble() -> Trouble {
+        Trouble {
+            roll: 0.1,
+            momentum: 2.0,
+            balancer: 0.3,
+            balancer_rate: 5.0,
+            moment: 1.0,
+            held_torque: 0.0,
+        }
+    }
+
+    #[test]
+    fn columns_are_the_derivatives_of_the_roll() {
+        // In flywheel mode the prediction is affine, so that the quotient itself is exact. The columns
+        // leave out how the roll moment moves the balancer, M12/M11 = 4 % of it: a tenth after a second for the roll
+        // (p and sigma), which decides; the balancer's own speed late in a fall is off by more, and is
+        // put right by the next tick's roll-out.
+        let model = RollModel::new(&BikeParams::default(), 0.0);
+        let room = SteeringRoom {
+            yaw_gain: 1.3,
+            decay: 1.5,
+            centripetal: 44.0,
+            yaw_product: 12.4,
+            range: (-2.0, 2.0),
+        };
+        let mut moves = [3.0; UNKNOWNS];
+        let end = roll_out(&model, &trouble(), &moves, Some(&room), |_| {});
+        for i in 0..UNKNOWNS {
+            moves[i] += 1.0;
+            let pushed = roll_out(&model, &trouble(), &moves, Some(&room), |_| {});
+            moves[i] -= 1.0;
+            for k in 0..2 {
+                let quotient = pushed.state[k] - end.state[k];
+                let largest = end
+                    .columns
+                    .iter()
+                    .fold(0.0f64, |most, c| most.max(c[k].abs()));
+                assert!(
+                    (quotient - end.columns[i][k]).abs() < 0.1 * largest,
+                    "{i} {k}: {quotient} {}",
+                    end.columns[i][k]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_momentum_hardly_knows_which_way_the_balancer_points() {
+        // D of the design note, upright: within [-13.9, -12.5] over a full turn.
+        let model = RollModel::new(&BikeParams::default(), 0.15);
+        for i in 0..64 {
+            let x = Roll {
+                balancer: f64::from(i) * 0.1,
+                ..Roll::default()
+            };
+            let d = Local::new(&model, &x, 0.0, 0.0).decoupling;
+            assert!(d > -13.95 && d < -12.45, "{d}");
+        }
+    }
+
+    #[test]
+    fn a_tenth_of_a_second_ahead_is_where_the_plant_goes() {
+        use bikebot_dynamics::{Integrator, Rk4, TwoLink, TwoLinkInput, TwoLinkState};
+        let bike = BikeParams::default();
+        let (offset, torque) = (0.15, 40.0);
+        let model = RollModel::new(&bike, offset);
+        let plant = TwoLink::new(&bike, offset);
+        let mut state = TwoLinkState {
+            roll: 0.08,
+            balancer: 0.4,
+            roll_rate: -0.1,
+            balancer_rate: 6.0,
+        };
+        let start = Trouble {
+            roll: state.roll,
+            momentum: model.momentum(&state),
+            balancer: state.balancer,
+            balancer_rate: state.balancer_rate,
+            ..Trouble::default()
+        };
+        let mut at = None;
+        let mut passed = 0.0;
+        roll_out(&model, &start, &[torque; UNKNOWNS], None, |node| {
+            passed += node.step;
+            if passed < 0.1105 {
+                at = Some(node.state);
+            }
+        });
+        for _ in 0..110 {
+            let input = TwoLinkInput {
+                balancer_torque: torque,
+                roll_moment: 0.0,
+            };
+            state = Rk4.step(&plant, 0.0, &state, &input, 1e-3);
+        }
+        let [p, sigma, beta, nu] = at.unwrap();
+        // Steps of 20 ms at up to 15 rad/s, second order; gravity linear.
+        assert!((p - model.inertia.value(beta) - state.roll).abs() < 2e-3);
+        assert!((sigma - model.momentum(&state)).abs() < 0.02);
+        assert!((beta - state.balancer).abs() < 0.01 && (nu - state.balancer_rate).abs() < 0.2);
+    }
+}

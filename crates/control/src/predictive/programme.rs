@@ -379,3 +379,202 @@ fn add_end_cost(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::BalanceLawKind;
+    use clarabel::algebra::CscMatrix;
+    use clarabel::solver::{
+        DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT,
+    };
+
+    fn law() -> (Predictive, RollModel) {
+        let bike = BikeParams::default();
+        let params = BalanceParams {
+            controller: BalanceLawKind::Mpc,
+            ..BalanceParams::default()
+        };
+        (
+            Predictive::new(&bike, &params).unwrap(),
+            RollModel::new(&bike, 0.0),
+        )
+    }
+
+    fn leaning(model: &RollModel, degrees: f64, rate: f64) -> Trouble {
+        Trouble {
+            roll: degrees.to_radians(),
+            momentum: model.inertia.m12(0.0) * rate,
+            balancer_rate: rate,
+            ..Trouble::default()
+        }
+    }
+
+    /// Cost and limits of a plan, from the motion alone: none of the derivatives the law works with.
+    /// Limits are `value <= 0` at a price.
+    fn judge(law: &Predictive, model: &RollModel, trouble: &Trouble, plan: &[f64]) -> Vec<f64> {
+        let mode = &law.modes[0];
+        let (weights, averaged) = (&mode.weights, &mode.averaged);
+        let mut moves = [0.0; UNKNOWNS];
+        moves[..MOVES].copy_from_slice(plan);
+        let mut cost = 0.0;
+        let mut limits = Vec::new();
+        let end = roll_out(model, trouble, &moves, None, |node| {
+            let [_, _, beta, nu] = node.state;
+            let lean = averaged.lean(&node.state);
+            cost += 0.5
+                * node.step
+                * (weights.lean * lean * lean
+                    + weights.angle * beta * beta
+                    + weights.rate * nu * nu
+                    + node.acceleration * node.acceleration);
+            if node.ends_block {
+                limits.push(nu - law.speed_max);
+                limits.push(-nu - law.speed_max);
+            }
+        });
+        let z = Vector4::from(end.state);
+        cost += 0.5 * z.dot(&(averaged.cost_to_go * z));
+        let xi = averaged.divergent(&end.state);
+        let share = CAPTURE_SHARE * averaged.ripple_free / averaged.rate;
+        limits.push(xi - share * (law.speed_max - end.state[3]));
+        limits.push(-xi - share * (law.speed_max + end.state[3]));
+        limits.insert(0, cost);
+        limits
+    }
+
+    /// The same programme from second differences (exact: in flywheel mode the prediction is affine),
+    /// solved by Clarabel.
+    fn oracle(law: &Predictive, model: &RollModel, trouble: &Trouble) -> f64 {
+        const STEP: f64 = 20.0;
+        let n = MOVES;
+        let at = |pushed: &[usize]| {
+            let mut plan = vec![0.0; n];
+            for i in pushed {
+                plan[*i] += STEP;
+            }
+            judge(law, model, trouble, &plan)
+        };
+        let zero = at(&[]);
+        let single: Vec<_> = (0..n).map(|i| at(&[i])).collect();
+        let rows = zero.len() - 1;
+        let (mut pi, mut pj, mut pv) = (vec![], vec![], vec![]);
+        let mut q = vec![0.0; n + rows];
+        for j in 0..n {
+            for i in 0..=j {
+                let h = (at(&[i, j])[0] - single[i][0] - single[j][0] + zero[0]) / (STEP * STEP);
+                if i == j {
+                    q[i] = (single[i][0] - zero[0]) / STEP - 0.5 * h * STEP;
+                }
+                pi.push(i);
+                pj.push(j);
+                pv.push(h);
+            }
+        }
+        let (mut ai, mut aj, mut av, mut b) = (vec![], vec![], vec![], vec![]);
+        for k in 0..rows {
+            for (i, column) in single.iter().enumerate() {
+                ai.push(2 * k);
+                aj.push(i);
+                av.push((column[k + 1] - zero[k + 1]) / STEP);
+            }
+            for row in [2 * k, 2 * k + 1] {
+                ai.push(row);
+                aj.push(n + k);
+                av.push(-1.0);
+            }
+            b.extend([-zero[k + 1], 0.0]);
+            q[n + k] = if k + 2 < rows {
+                SPEED_PRICE
+            } else {
+                CAPTURE_PRICE
+            };
+        }
+        for i in 0..n {
+            for side in [1.0, -1.0] {
+                ai.push(b.len());
+                aj.push(i);
+                av.push(side);
+                b.push(law.torque_max);
+            }
+        }
+        let settings = DefaultSettingsBuilder::default()
+            .verbose(false)
+            .tol_gap_rel(1e-10)
+            .build()
+            .unwrap();
+        let mut solver = DefaultSolver::new(
+            &CscMatrix::new_from_triplets(n + rows, n + rows, pi, pj, pv),
+            &q,
+            &CscMatrix::new_from_triplets(b.len(), n + rows, ai, aj, av),
+            &b,
+            &[SupportedConeT::NonnegativeConeT(b.len())],
+            settings,
+        )
+        .unwrap();
+        solver.solve();
+        assert!(matches!(
+            solver.solution.status,
+            SolverStatus::Solved | SolverStatus::AlmostSolved
+        ));
+        solver.solution.x[0]
+    }
+
+    #[test]
+    fn answers_as_clarabel_does_on_the_same_question() {
+        // Free, at the torque limit, at the speed limit, on the way back, and beyond saving.
+        for (degrees, rate) in [
+            (0.5, 0.0),
+            (-3.0, 4.0),
+            (7.0, 0.0),
+            (2.0, 38.0),
+            (-1.0, 39.0),
+            (14.0, 0.0),
+        ] {
+            let (mut law, model) = law();
+            let trouble = leaning(&model, degrees, rate);
+            let theirs = oracle(&law, &model, &trouble);
+            let ours = law.tick(&model, &trouble, None, 0.005).unwrap();
+            // The tick asks for a gap of 1e-7: three or four digits of the torque.
+            assert!(
+                (ours.torque - theirs).abs() < 0.05,
+                "{degrees} deg, {rate} rad/s: {} against {theirs}",
+                ours.torque
+            );
+        }
+    }
+
+    #[test]
+    fn a_plan_that_is_kept_is_confirmed_by_the_next_tick() {
+        // Nothing unforeseen happens: the second answer is the first one's continuation.
+        let (mut law, model) = law();
+        let trouble = leaning(&model, 1.0, 0.0);
+        let first = law.tick(&model, &trouble, None, 0.0).unwrap();
+        let second = law.tick(&model, &trouble, None, 0.0).unwrap();
+        assert!((first.torque - second.torque).abs() < 0.05);
+        // Two to eight degrees in balancer mode, where the prediction is not affine.
+        let model = RollModel::new(&BikeParams::default(), 0.15);
+        for degrees in [2.0, 8.0] {
+            let (mut law, _) = super::tests::law();
+            let trouble = leaning(&model, degrees, 0.0);
+            let mut torques = Vec::new();
+            for _ in 0..4 {
+                torques.push(law.tick(&model, &trouble, None, 0.0).unwrap().torque);
+            }
+            assert!((torques[3] - torques[2]).abs() < 1.0, "{torques:?}");
+        }
+    }
+
+    #[test]
+    fn a_state_that_is_not_finite_is_refused_and_leaves_no_trace() {
+        let (mut law, model) = law();
+        let mut trouble = leaning(&model, 2.0, 0.0);
+        let before = law.clone();
+        trouble.roll = f64::NAN;
+        assert_eq!(law.tick(&model, &trouble, None, 0.005), None);
+        trouble.roll = 0.02;
+        let (mut fresh, answer) = (before, law.tick(&model, &trouble, None, 0.005));
+        let expected = fresh.tick(&model, &trouble, None, 0.005);
+        assert_eq!(answer, expected);
+    }
+}
