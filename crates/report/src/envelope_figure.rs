@@ -147,7 +147,7 @@ fn colour_of(cause: &str) -> Colour {
 }
 
 /// Width and height of a panel's map, px, and the room round it.
-const MAP: [f64; 2] = [300.0, 280.0];
+const MAP: [f64; 2] = [345.0, 300.0];
 const LEFT: f64 = 62.0;
 const TOP: f64 = 66.0;
 const GAP: f64 = 58.0;

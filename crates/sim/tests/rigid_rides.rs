@@ -159,7 +159,7 @@ fn it_falls_when_physics_says_so() {
                 "plant.bike.balancer_torque_max_nm=0.001",
                 "start.roll_deg=0.5",
             ],
-            "roll",
+            "balancer_saturated",
         ),
         // On ice the first corner slides.
         (vec!["plant.bike.friction=0.05"], "slip"),
