@@ -12,7 +12,7 @@ use crate::palette::{self, Colour};
 use std::collections::BTreeMap;
 
 /// Most cells that are drawn, over all panels.
-pub const MAX_CELLS: usize = 250_000;
+const MAX_CELLS: usize = 250_000;
 
 /// One of the two varied values.
 #[derive(Debug, Clone, PartialEq)]
@@ -160,7 +160,7 @@ impl EnvelopeFigure {
     ///
     /// # Errors
     ///
-    /// [`ReportError::TooMany`] beyond [`MAX_CELLS`].
+    /// [`ReportError::TooMany`] beyond 250 000 cells.
     pub fn draw(&self) -> Result<Drawing, ReportError> {
         let count = self.panels.len() * self.x.values.len() * self.y.values.len();
         if count > MAX_CELLS {
