@@ -8,6 +8,7 @@
 //! | [`world`] | obstacles, maps, and the questions one can ask them |
 //! | [`planner`] | curvature-bounded planning |
 //! | [`dynamics`] | plant models, actuators and sensors |
+//! | [`mapping`] | the belief made of laser scans |
 //! | [`control`] | balance by output zeroing, following by passive velocity fields |
 //! | [`sim`] | scenario, closed loop, recordings |
 //! | [`report`] | pictures of plans and rides |
@@ -15,6 +16,7 @@
 pub use bikebot_control as control;
 pub use bikebot_dynamics as dynamics;
 pub use bikebot_geometry as geometry;
+pub use bikebot_mapping as mapping;
 pub use bikebot_planner as planner;
 pub use bikebot_report as report;
 pub use bikebot_sim as sim;

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Crate, and the crates of ours and the third-party room-mates it may name.
-const ALLOWED: [(&str, &[&str]); 9] = [
+const ALLOWED: [(&str, &[&str]); 10] = [
     ("geometry", &["nalgebra", "thiserror"]),
     ("qp", &["nalgebra", "thiserror"]),
     (
@@ -51,6 +51,18 @@ const ALLOWED: [(&str, &[&str]); 9] = [
         ],
     ),
     (
+        "mapping",
+        &[
+            "bikebot-geometry",
+            "bikebot-world",
+            "bikebot-dynamics",
+            "nalgebra",
+            "serde",
+            "schemars",
+            "thiserror",
+        ],
+    ),
+    (
         "control",
         &[
             "bikebot-geometry",
@@ -70,6 +82,7 @@ const ALLOWED: [(&str, &[&str]); 9] = [
             "bikebot-planner",
             "bikebot-dynamics",
             "bikebot-control",
+            "bikebot-mapping",
             "nalgebra",
             "crc32fast",
             "rand",
@@ -108,6 +121,7 @@ const ALLOWED: [(&str, &[&str]); 9] = [
             "bikebot-world",
             "bikebot-planner",
             "bikebot-dynamics",
+            "bikebot-mapping",
             "bikebot-sim",
             "annotate-snippets",
             "clap",

@@ -1,0 +1,31 @@
+//! What the laser has shown: a belief about the field, made of scans.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `belief` | [`BeliefGrid`]: log-odds of each cell, and the verdict free, occupied or unknown |
+//! | `mapper` | [`Mapper`]: scans in, changed cells out |
+//! | `params` | [`MapperParams`], `[mapper]` of a scenario |
+//! | `beam` | where a beam of the leaning, moving laser went, and how high |
+//! | `marks` | the cells a scan passed and hit, each once |
+//! | `evidence` | how much a scan says, and when a cell changes its mind |
+//! | `outline` | the bike's own outline among returns and cells |
+//!
+//! The answer of [`Mapper::insert`] is what [`bikebot_world::WorldChanges::cells`] takes, so the worlds that planning and
+//! safety ask follow the belief change by change.
+//!
+//! Nothing here corrects the poses: they are taken as measured, and their uncertainty is a parameter. SI units and radians; frames and
+//! signs as in `docs/frames.md`.
+
+mod beam;
+mod belief;
+mod error;
+mod evidence;
+mod mapper;
+mod marks;
+mod outline;
+mod params;
+
+pub use belief::BeliefGrid;
+pub use error::MappingError;
+pub use mapper::{Hit, Mapper};
+pub use params::MapperParams;
