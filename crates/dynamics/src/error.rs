@@ -62,6 +62,23 @@ pub enum DynamicsError {
         /// Largest range, m.
         max: f64,
     },
+    /// A laser without a beam.
+    #[error("the laser has no beams: it takes one at least")]
+    NoBeams,
+    /// A laser in the bike's own body.
+    #[error(
+        "the laser's mount at ({x}, {y}, {z}) m lies inside {part}: its beams would begin in the bike itself"
+    )]
+    LaserInside {
+        /// `"the rear wheel"`, `"the front wheel"` or `"the frame"`.
+        part: &'static str,
+        /// Ahead of the rear contact, m.
+        x: f64,
+        /// To the left, m.
+        y: f64,
+        /// Above the ground, m.
+        z: f64,
+    },
     /// A parameter of a Whipple bicycle that no bicycle has.
     #[error("{what} = {value} {unit} must be {bound}: {reason}")]
     ImpossibleBicycle {

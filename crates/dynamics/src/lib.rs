@@ -14,7 +14,7 @@
 //! | [`steering_geometry`] | trail, axis, wheels and fork of the rigid bodies |
 //! | [`actuator`] | every limit and every lag, in one place |
 //! | [`sensor`] | what the bike believes of its own state |
-//! | [`laser`] | beams cast through a world |
+//! | [`laser`] | a scanner that sweeps its beams through whatever it is carried past |
 //! | [`whipple`] | the linear benchmark bicycle: matrices, critical speeds, modes |
 //!
 //! SI units and radians throughout. Frames and signs are written down once, in
@@ -45,7 +45,7 @@ pub use contact::ContactForces;
 pub use error::DynamicsError;
 pub use integrator::{ExplicitEuler, Integrator, Rk4};
 pub use kinematic::{Kinematic, KinematicInput, KinematicState};
-pub use laser::{LaserParams, LaserScan, LaserScanner};
+pub use laser::{LaserParams, LaserScan, LaserScanner, RayScene, SweepingLaser};
 pub use params::{BalancerMode, BikeParams, LeanCoefficients, Lumped, ModeChangeCondition, Offset};
 pub use plant::{Plant, State};
 pub use sensor::{Measurement, SensorParams, Sensors};

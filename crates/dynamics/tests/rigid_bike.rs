@@ -396,7 +396,7 @@ fn it_meets_an_obstacle_when_its_outline_does() {
     worlds.push(World::new(Bounds::new(-5.0, -5.0, 3.0, 5.0), Vec::new()).unwrap());
     for (i, world) in worlds.iter().enumerate() {
         let mut bike = rigid(SteeringGeometry::Matched, &rolling(2.0), 0.0);
-        bike.surround(world, &footprint);
+        bike.surround(world, &footprint, 2.0);
         let mut met = None;
         for _ in 0..1500 {
             bike.step(&BikeInput::default());

@@ -25,9 +25,11 @@ use crate::ride_metrics::{RideMetrics, TickFacts};
 use crate::scenario::PlantModel;
 use crate::setup::{PathSource, Setup};
 use crate::true_plant::{TruePlant, true_offset};
+use crate::true_scene::TrueScene;
 use bikebot_control::Intervention;
 use bikebot_dynamics::{
-    Actuators, BikeInput, BikeState, Command, LaserScanner, Measurement, Saturation, Sensors,
+    Actuators, BikeInput, BikeState, Command, LaserScan, LaserScanner, Measurement, Saturation,
+    Sensors, SweepingLaser,
 };
 use bikebot_geometry::{CurvePath, Point2};
 use bikebot_planner::{Budget, EndPose, Outcome, PlanReport, PlannedPath};
@@ -335,7 +337,7 @@ struct Ride<'s> {
     motor_faults: MotorFaults,
     sensors: Sensors,
     sensor_faults: SensorFaults,
-    laser: Option<Laser>,
+    laser: Option<SweepingLaser>,
     pilot: Pilot,
     falls: FallMonitor,
     fall_cause: FallCause,
@@ -346,13 +348,6 @@ struct Ride<'s> {
     resting: SimTime,
     rest: Point2,
     edges: Edges,
-}
-
-/// The scanner with its own stream of chance and its rate in control ticks.
-struct Laser {
-    scanner: LaserScanner,
-    rng: rand_chacha::ChaCha8Rng,
-    every: u64,
 }
 
 #[derive(Default)]
@@ -392,13 +387,10 @@ impl<'s> Ride<'s> {
         let offset = true_offset(&setup.bike, &setup.true_bike, setup.mode, pilot.offset());
         let plant = TruePlant::new(setup, &state, offset)?;
         let laser = match (setup.laser.enabled, &setup.world) {
-            (true, Some(_)) => Some(Laser {
-                scanner: LaserScanner::new(&setup.laser)?,
-                rng: stream(setup.seed, Component::Laser),
-                every: crate::clock::Period::from_hertz(setup.laser.rate)
-                    .and_then(|scan| scan.in_steps_of(setup.control))
-                    .map_err(Error::Clock)?,
-            }),
+            (true, Some(_)) => Some(SweepingLaser::new(
+                LaserScanner::new(&setup.laser)?,
+                stream(setup.seed, Component::Laser),
+            )),
             _ => None,
         };
         Ok(Self {
@@ -471,7 +463,7 @@ impl<'s> Ride<'s> {
                 });
             }
             hash_state(hasher, &self.state);
-            let done = self.tick(tick, time, recorder)?;
+            let done = self.tick(time, recorder)?;
             if let Some(verdict) = done.verdict {
                 return Ok(self.ended(time, tick, verdict.outcome, verdict.reason));
             }
@@ -497,12 +489,7 @@ impl<'s> Ride<'s> {
     }
 
     /// One control period.
-    fn tick(
-        &mut self,
-        tick: u64,
-        time: SimTime,
-        recorder: &mut dyn Recorder,
-    ) -> Result<Tick, Error> {
+    fn tick(&mut self, time: SimTime, recorder: &mut dyn Recorder) -> Result<Tick, Error> {
         // Sense.
         let t = time.seconds();
         self.disturb(time, recorder)?;
@@ -510,7 +497,7 @@ impl<'s> Ride<'s> {
             .sensors
             .measure(t, &self.state, self.actuators.steer_rate());
         let measured = self.sensor_faults.bend(&self.disturbances, t, &measured);
-        self.scan(tick, time, recorder)?;
+        self.sense(time, recorder)?;
 
         // Follow and balance.
         let output = match self.pilot.tick(t, &measured) {
@@ -610,6 +597,9 @@ impl<'s> Ride<'s> {
                 self.friction = loads.friction;
             }
             let before = self.state;
+            if !setup.traffic.is_empty() {
+                self.plant.move_obstacles(&setup.traffic, t + dt);
+            }
             self.state = self.plant.step(t, &before, &input, loads.friction, dt);
             self.metrics.work(&before, &self.state, &input, dt);
             // What is no number is not stepped any further: the judge names it.
@@ -620,24 +610,31 @@ impl<'s> Ride<'s> {
         saturation
     }
 
-    fn scan(&mut self, tick: u64, time: SimTime, recorder: &mut dyn Recorder) -> Result<(), Error> {
-        let (Some(laser), Some(world)) = (&mut self.laser, &self.setup.world) else {
-            return Ok(());
+    /// Lets the laser look from where the bike truly is. A scan that is handed out now, its latency over, is written down
+    /// and belongs to whoever steers by it.
+    fn sense(
+        &mut self,
+        time: SimTime,
+        recorder: &mut dyn Recorder,
+    ) -> Result<Option<LaserScan>, Error> {
+        let scene = TrueScene::new(self.setup, &self.plant);
+        let (Some(laser), Some(scene)) = (&mut self.laser, scene) else {
+            return Ok(None);
         };
-        if tick.is_multiple_of(laser.every) {
-            let scan = laser
-                .scanner
-                .scan(world, &self.state.pose, self.state.roll, &mut laser.rng);
+        let state = &self.state;
+        let scan = laser.advance(&scene, time.seconds(), &state.pose, state.roll);
+        if let Some(scan) = &scan {
             recorder.record(
                 time,
                 &Event::Scan(ScanSample {
+                    stamp: SimTime::from_seconds(scan.middle()),
                     start_angle: scan.angle_min,
                     angle_step: scan.angle_step,
                     ranges: &scan.ranges,
                 }),
             )?;
         }
-        Ok(())
+        Ok(scan)
     }
 
     /// Writes one tick down; returns the clearance and the contact forces it found on the way.
@@ -655,12 +652,19 @@ impl<'s> Ride<'s> {
         let contact = plant.contact(state, &input);
         let acceleration = plant.accelerations(state, &input);
         let yaw_rate = plant.yaw_rate(state);
-        let clearance = self
-            .setup
+        let setup = self.setup;
+        let standing = setup
             .world
             .as_ref()
             .filter(|_| self.path.is_some())
-            .map(|world| world.footprint_clearance(&self.setup.footprint, &state.pose));
+            .map(|world| world.footprint_clearance(&setup.footprint, &state.pose));
+        let moving = standing.and_then(|standing| {
+            let (footprint, pose) = (&setup.footprint, &state.pose);
+            setup
+                .traffic
+                .nearest(footprint, pose, time.seconds(), standing)
+        });
+        let clearance = moving.map(|(_, clearance)| clearance).or(standing);
         let following = self.pilot.true_following(state);
         let lateral_error = following.map(|following| following.lateral_error);
         let friction = self.friction;
@@ -715,6 +719,10 @@ impl<'s> Ride<'s> {
             clearance_m: clearance.unwrap_or(f64::NAN),
         };
         recorder.record(time, &Event::State(&sample))?;
+        if !setup.traffic.is_empty() {
+            let shapes = setup.traffic.shapes(time.seconds());
+            recorder.record(time, &Event::MovingObstacles(&shapes))?;
+        }
 
         let excess = output
             .energy
@@ -783,6 +791,10 @@ impl<'s> Ride<'s> {
         Ok(Facts {
             contact,
             clearance,
+            moving: moving
+                .filter(|(_, clearance)| *clearance < 0.0)
+                .map(|(index, _)| index)
+                .or(self.plant.touched_moving_obstacle()),
             balancer_at_limit: control.balancer_saturated || self.balancer_is_at_limit(state),
         })
     }
@@ -827,7 +839,11 @@ impl<'s> Ride<'s> {
             let overlaps = facts.clearance.is_some_and(|clearance| clearance < 0.0);
             (overlaps || self.plant.has_touched_an_obstacle()).then_some(Verdict {
                 outcome: RunOutcome::Collided,
-                reason: "obstacle",
+                reason: if facts.moving.is_some() {
+                    "moving_obstacle"
+                } else {
+                    "obstacle"
+                },
             })
         });
         if let Some(verdict) = verdict {
@@ -846,6 +862,17 @@ impl<'s> Ride<'s> {
                     "the outline met an obstacle",
                     facts.clearance.unwrap_or(f64::NAN),
                 ),
+                "moving_obstacle" => {
+                    let number = facts
+                        .moving
+                        .and_then(|index| self.setup.traffic.number(index));
+                    told = format!(
+                        "the outline met obstacle {}, which the map does not know",
+                        number.unwrap_or_default() + 1
+                    );
+                    let clearance = facts.clearance.unwrap_or(f64::NAN);
+                    (NoticeKind::Collision, told.as_str(), clearance)
+                }
                 reason => {
                     told = fall_in_words(reason).to_owned();
                     (NoticeKind::Fell, told.as_str(), state.roll)
@@ -942,6 +969,8 @@ impl<'s> Ride<'s> {
 struct Facts {
     contact: Option<bikebot_dynamics::ContactForces>,
     clearance: Option<f64>,
+    /// The moving obstacle that the outline has met, deeper than anything that stands.
+    moving: Option<usize>,
     balancer_at_limit: bool,
 }
 

@@ -27,7 +27,9 @@ pub mod scenario;
 pub mod setup;
 pub mod study;
 pub mod sweep;
+pub mod traffic;
 pub mod true_plant;
+pub mod true_scene;
 
 pub use closed_loop::{Progress, RunControl, RunReport, plan, run};
 pub use error::Error;

@@ -26,6 +26,8 @@ pub(crate) fn scene(setup: &Setup, recorder: &mut dyn Recorder) -> Result<(), Re
         pivot_height: bike.l,
         laser_position: [laser.mount_x, laser.mount_y, laser.mount_z],
         laser_yaw: laser.mount_yaw_deg.to_radians(),
+        laser_pitch: laser.mount_pitch_deg.to_radians(),
+        laser_is_level: !laser.tilts_with_roll,
         footprint: outline(&setup.footprint),
     };
     recorder.record(SimTime::ZERO, &Event::Bike(&geometry))?;
@@ -119,7 +121,7 @@ fn path_samples(path: &CurvePath) -> Vec<PathSample> {
     samples
 }
 
-fn shape(obstacle: &Obstacle) -> Shape {
+pub(crate) fn shape(obstacle: &Obstacle) -> Shape {
     let plain = |p: &Point2| [p.x, p.y];
     match obstacle {
         Obstacle::Disc { center, radius } => Shape::Disc {

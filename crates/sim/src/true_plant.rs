@@ -4,6 +4,7 @@ use crate::scenario::PlantModel;
 #[cfg(feature = "rapier")]
 use crate::setup::PathSource;
 use crate::setup::Setup;
+use crate::traffic::Traffic;
 #[cfg(feature = "rapier")]
 use bikebot_dynamics::rigid::{RigidBike, RigidStep};
 use bikebot_dynamics::{
@@ -97,7 +98,11 @@ impl TruePlant {
             };
             let mut bike = RigidBike::new(&params, setup.steering_geometry, state, &offset, step)?;
             if let (Some(world), true) = (&setup.world, setup.path != PathSource::Standing) {
-                bike.surround(world, &setup.footprint);
+                bike.surround(world, &setup.footprint, setup.laser.obstacle_height);
+                for obstacle in setup.traffic.obstacles() {
+                    bike.add_moving_obstacle(obstacle.outline(), obstacle.height());
+                }
+                bike.move_obstacles(setup.traffic.poses(0.0));
             }
             Some(Box::new(Rigid {
                 yaw_rate: bike.yaw_rate(),
@@ -124,6 +129,33 @@ impl TruePlant {
             rigid.yaw_rate = rigid.bike.yaw_rate();
             rigid.energy = rigid.bike.energy();
         }
+    }
+
+    /// Lets what moves be where it is at `time` (s), the end of the next step. Only the rigid-body model feels it.
+    pub fn move_obstacles(&mut self, traffic: &Traffic, time: f64) {
+        #[cfg(feature = "rapier")]
+        if let Some(rigid) = &mut self.rigid {
+            rigid.bike.move_obstacles(traffic.poses(time));
+        }
+        #[cfg(not(feature = "rapier"))]
+        let _ = (traffic, time);
+    }
+
+    /// The bike of rigid bodies with all that stands around it, where the scenario has one.
+    #[cfg(feature = "rapier")]
+    #[must_use]
+    pub fn bodies(&self) -> Option<&RigidBike> {
+        self.rigid.as_ref().map(|rigid| &rigid.bike)
+    }
+
+    /// The moving obstacle that the bike's hull has touched, as an index into the traffic; only the rigid-body model knows.
+    #[must_use]
+    pub fn touched_moving_obstacle(&self) -> Option<usize> {
+        #[cfg(feature = "rapier")]
+        if let Some(rigid) = &self.rigid {
+            return rigid.bike.touched_moving_obstacle();
+        }
+        None
     }
 
     /// Whether the bike's hull has touched an obstacle; only the rigid-body model knows.

@@ -11,6 +11,7 @@
 //! | `mechanism` | bodies, joints, servos and tyres; one step; what the ground does |
 //! | `steering` | handlebar angle and ground-projected angle |
 //! | `obstacles` | a world's obstacles as prisms, the footprint as a hull |
+//! | `sight` | rays cast against those prisms |
 //! | `robot` | inputs to forces, bodies to state |
 //!
 //! What is measured of it stands in `docs/plants.md`; this folder is the only place that names Rapier.
@@ -19,9 +20,9 @@ mod mechanism;
 mod obstacles;
 mod parts;
 mod robot;
+mod sight;
 mod steering;
 
 pub use mechanism::{Drive, Loads, Mechanism, Placement, RearMotion, TyreForce};
-pub use obstacles::OBSTACLE_HEIGHT;
 pub use parts::{BalancerPart, BicycleParts, Part, Wheel};
 pub use robot::{RigidBike, RigidStep};

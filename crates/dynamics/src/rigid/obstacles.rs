@@ -1,6 +1,6 @@
 //! What is in the way, as bodies of the same Rapier world, and the hull that meets it.
 //!
-//! Obstacles are prisms from the ground up to [`OBSTACLE_HEIGHT`]. The hull is the bike's footprint as a low
+//! Obstacles are prisms from the ground up to one height. The hull is the bike's footprint as a low
 //! prism on the frame: it meets an obstacle where and when the plane outline of the monitors does, but for the
 //! few millimetres by which a leaning frame carries its lowest part aside.
 
@@ -9,8 +9,6 @@ use bikebot_world::{Cell, Footprint, Obstacle, World};
 use nalgebra::{Unit, Vector3};
 use rapier3d_f64::prelude::{ColliderBuilder, Pose, Rotation, Vector};
 
-/// How high an obstacle stands, m.
-pub const OBSTACLE_HEIGHT: f64 = 2.0;
 /// The hull reaches from here, m: clear of the ground whatever the bike's pitch.
 const HULL_BOTTOM: f64 = 0.02;
 /// … to here, m.
@@ -18,14 +16,15 @@ const HULL_TOP: f64 = 0.12;
 /// Edges that stand for a full turn of a rounded outline: the polygon stays within 1.5 mm of 0.3 m.
 const EDGES: usize = 64;
 
-/// Every obstacle of a world, its solid cells merged to rectangles, and the edge of its field.
-pub(super) fn colliders(world: &World) -> Vec<ColliderBuilder> {
-    let mut all: Vec<ColliderBuilder> = world.obstacles().iter().filter_map(prism).collect();
+/// Every obstacle of a world as high as `height` (m), its solid cells merged to rectangles, and the edge of its field.
+pub(super) fn colliders(world: &World, height: f64) -> Vec<ColliderBuilder> {
+    let obstacles = world.obstacles().iter();
+    let mut all: Vec<ColliderBuilder> = obstacles.filter_map(|it| prism(it, height)).collect();
     if let Some(grid) = world.grid() {
         all.extend(
             grid.rectangles(|cell| cell != Cell::Free)
                 .into_iter()
-                .filter_map(|rectangle| prism(&grid.rectangle_obstacle(rectangle))),
+                .filter_map(|rectangle| prism(&grid.rectangle_obstacle(rectangle), height)),
         );
         if grid.origin.heading != 0.0 {
             let corners = grid.corners();
@@ -50,8 +49,9 @@ fn wall(point: Point2, x: f64, y: f64) -> Option<ColliderBuilder> {
     Some(ColliderBuilder::halfspace(normal).translation(Vector::new(point.x, point.y, 0.0)))
 }
 
-fn prism(obstacle: &Obstacle) -> Option<ColliderBuilder> {
-    let half = 0.5 * OBSTACLE_HEIGHT;
+/// An obstacle from the ground up to `height` (m).
+pub(super) fn prism(obstacle: &Obstacle, height: f64) -> Option<ColliderBuilder> {
+    let half = 0.5 * height;
     match obstacle {
         Obstacle::Disc { center, radius } => {
             // Rapier's cylinders lie along y.
@@ -74,7 +74,7 @@ fn prism(obstacle: &Obstacle) -> Option<ColliderBuilder> {
             let n = vertices.len();
             let corners = vertices
                 .iter()
-                .flat_map(|v| [0.0, OBSTACLE_HEIGHT].map(|z| Vector::new(v.x, v.y, z)))
+                .flat_map(|v| [0.0, height].map(|z| Vector::new(v.x, v.y, z)))
                 .collect();
             let triangles = (0..n)
                 .flat_map(|i| {

@@ -1,7 +1,7 @@
 //! The bike robot on rigid bodies: from [`BikeInput`] to forces, and from bodies to [`BikeState`].
 
 use bikebot_geometry::Pose2;
-use bikebot_world::{Footprint, World};
+use bikebot_world::{Footprint, Obstacle, World};
 use nalgebra::{Vector2, Vector3};
 
 use super::mechanism::{Drive, Loads, Mechanism, Placement, RearMotion};
@@ -11,6 +11,7 @@ use crate::bike::{BikeAcceleration, BikeInput, BikeState};
 use crate::constants::GRAVITY;
 use crate::contact::ContactForces;
 use crate::error::DynamicsError;
+use crate::laser::Ray;
 use crate::params::{BikeParams, Offset};
 use crate::steering_geometry::SteeringGeometry;
 
@@ -56,6 +57,7 @@ pub struct RigidBike {
     acceleration: BikeAcceleration,
     contact: ContactForces,
     has_touched: bool,
+    touched_moving: Option<usize>,
 }
 
 impl RigidBike {
@@ -121,19 +123,52 @@ impl RigidBike {
                 slides: false,
             },
             has_touched: false,
+            touched_moving: None,
             mechanism,
         })
     }
 
-    /// Puts the world's obstacles around the bike, and the footprint's hull on its frame.
-    pub fn surround(&mut self, world: &World, footprint: &Footprint) {
-        self.mechanism.surround(world, footprint);
+    /// Puts the world's obstacles around the bike, all as high as `height` (m), and the footprint's hull on its frame.
+    pub fn surround(&mut self, world: &World, footprint: &Footprint, height: f64) {
+        self.mechanism.surround(world, footprint, height);
+    }
+
+    /// Adds an obstacle that will be moved, with this outline (m, about its own reference point) and height (m). It is not
+    /// there until [`move_obstacles`](Self::move_obstacles) says where.
+    pub fn add_moving_obstacle(&mut self, outline: &Obstacle, height: f64) {
+        self.mechanism.add_moving_obstacle(outline, height);
+    }
+
+    /// Says where the moving obstacles, in the order they were added, will be at the end of the next step; `None` for one
+    /// that is not there. What was not there before is there at once.
+    pub fn move_obstacles(&mut self, poses: impl IntoIterator<Item = Option<Pose2>>) {
+        self.mechanism.move_obstacles(poses);
+    }
+
+    /// Range (m) along a ray to the first body that stands there, infinite beyond `max_range` (m).
+    #[must_use]
+    pub fn cast_ray(&self, ray: &Ray, max_range: f64) -> f64 {
+        self.mechanism.cast_ray(ray, max_range)
+    }
+
+    /// Range (m) along a ray to the body of the moving obstacle of this index, were it at `pose`; infinite beyond
+    /// `max_range` (m).
+    #[must_use]
+    pub fn cast_ray_at_moving(&self, index: usize, pose: &Pose2, ray: &Ray, max_range: f64) -> f64 {
+        self.mechanism
+            .cast_ray_at_moving(index, pose, ray, max_range)
     }
 
     /// Whether the hull has touched an obstacle.
     #[must_use]
     pub fn has_touched_an_obstacle(&self) -> bool {
         self.has_touched
+    }
+
+    /// The moving obstacle that the hull has touched first, by the order they were added.
+    #[must_use]
+    pub fn touched_moving_obstacle(&self) -> Option<usize> {
+        self.touched_moving
     }
 
     /// Moves the bike on by one step under a held input.
@@ -206,7 +241,10 @@ impl RigidBike {
             slides: false,
         };
         self.contact.slides = self.slides();
-        self.has_touched |= self.mechanism.touches_an_obstacle();
+        if !self.has_touched && self.mechanism.touches_an_obstacle() {
+            self.has_touched = true;
+            self.touched_moving = self.mechanism.touches_moving_obstacle();
+        }
         self.motion = motion;
     }
 

@@ -9,6 +9,7 @@
 //! rear contact, x forward, y left, and is rolled about x (positive to the right).
 
 use super::columns::{Column, sampled};
+use crate::clock::SimTime;
 
 /// One thing that happened, borrowed from whoever saw it happen.
 #[derive(Debug, Clone, Copy)]
@@ -72,6 +73,10 @@ pub struct BikeGeometry {
     pub laser_position: [f64; 3],
     /// Laser turned about z, rad, counter-clockwise positive.
     pub laser_yaw: f64,
+    /// Laser then turned about its own y, rad: pointing down is positive.
+    pub laser_pitch: f64,
+    /// Whether the laser's mount turns against the bike's roll and keeps its beams level.
+    pub laser_is_level: bool,
     /// Outline of the footprint in the bike's frame, m, closed by itself; see
     /// [`capsule_outline`](super::scene::capsule_outline).
     pub footprint: Vec<[f64; 2]>,
@@ -187,9 +192,12 @@ pub struct PlanEvent<'a> {
     pub goal: Option<GoalSample>,
 }
 
-/// One sweep of the laser, in the laser's own frame.
+/// One sweep of the laser, in the laser's own frame. The event comes when the scan is handed out.
 #[derive(Debug, Clone, Copy)]
 pub struct ScanSample<'a> {
+    /// The middle of the sweep: drawn from where the laser was then, the beams of a moving bike are nearest to where they
+    /// were.
+    pub stamp: SimTime,
     /// Bearing of the first beam, rad, counter-clockwise from the laser's x.
     pub start_angle: f64,
     /// Bearing from one beam to the next, rad.

@@ -509,7 +509,7 @@ impl<W: Write + Seek> Recorder for McapRecorder<W> {
             }
             Event::State(state) => self.state(time, state, false),
             Event::Control(control) => self.control(time, control, false),
-            Event::Scan(ref scan) => self.send(Topic::Scan, time, &messages::scan(time, scan)),
+            Event::Scan(ref scan) => self.send(Topic::Scan, time, &messages::scan(scan)),
             Event::MovingObstacles(shapes) => {
                 if self.moving.is_due(time) {
                     let scene = messages::obstacles(time, messages::MOVING, shapes);

@@ -215,6 +215,28 @@ fn turn(yaw: f64, roll: f64) -> Quaternion {
     }
 }
 
+/// Turn about z by `yaw`, then about the turned y by `pitch`, nose down.
+fn yaw_and_pitch(yaw: f64, pitch: f64) -> Quaternion {
+    let (sin_yaw, cos_yaw) = (0.5 * yaw).sin_cos();
+    let (sin_pitch, cos_pitch) = (0.5 * pitch).sin_cos();
+    Quaternion {
+        x: -sin_yaw * sin_pitch,
+        y: cos_yaw * sin_pitch,
+        z: sin_yaw * cos_pitch,
+        w: cos_yaw * cos_pitch,
+    }
+}
+
+/// First turned by `b` in the frame that `a` has turned.
+fn product(a: &Quaternion, b: &Quaternion) -> Quaternion {
+    Quaternion {
+        x: a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+        y: a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+        z: a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+        w: a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
+    }
+}
+
 fn pose(position: Vector3, orientation: Quaternion) -> Pose {
     Pose {
         position: Some(position),
@@ -240,6 +262,12 @@ pub(super) fn frames(time: SimTime, state: &StateSample, bike: &BikeGeometry) ->
         rotation: Some(rotation),
     };
     let [x, y, z] = bike.laser_position;
+    let on_mount = yaw_and_pitch(bike.laser_yaw, bike.laser_pitch);
+    let laser = if bike.laser_is_level {
+        product(&turn(0.0, -state.roll_rad), &on_mount)
+    } else {
+        on_mount
+    };
     let fork = handlebar_angle(state.steer_rad, state.roll_rad);
     FrameTransforms {
         transforms: vec![
@@ -249,7 +277,7 @@ pub(super) fn frames(time: SimTime, state: &StateSample, bike: &BikeGeometry) ->
                 vector(state.x_m, state.y_m, 0.0),
                 turn(state.heading_rad, state.roll_rad),
             ),
-            frame(BASE, LASER, vector(x, y, z), turn(bike.laser_yaw, 0.0)),
+            frame(BASE, LASER, vector(x, y, z), laser),
             frame(
                 BASE,
                 FORK,
@@ -577,10 +605,10 @@ fn offset_polyline(vertices: &[[f64; 2]], offset: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-pub(super) fn scan(time: SimTime, scan: &ScanSample<'_>) -> LaserScan {
+pub(super) fn scan(scan: &ScanSample<'_>) -> LaserScan {
     let steps = scan.ranges.len().saturating_sub(1) as f64;
     LaserScan {
-        timestamp: Some(timestamp(time)),
+        timestamp: Some(timestamp(scan.stamp)),
         frame_id: LASER.to_owned(),
         pose: Some(pose(vector(0.0, 0.0, 0.0), turn(0.0, 0.0))),
         start_angle: scan.start_angle,
@@ -720,6 +748,8 @@ mod tests {
             pivot_height: 0.8,
             laser_position: [0.9, 0.0, 0.6],
             laser_yaw: 0.1,
+            laser_pitch: 0.0,
+            laser_is_level: false,
             footprint: Vec::new(),
         };
         let sent = frames(SimTime::ZERO, &StateSample::default(), &bike);
@@ -732,6 +762,51 @@ mod tests {
             names,
             [(MAP, BASE), (BASE, LASER), (BASE, FORK), (BASE, BALANCER)]
         );
+    }
+
+    #[test]
+    fn beams_in_the_frame_of_the_laser_lie_where_the_scanner_fires_them() {
+        let pose = bikebot_geometry::Pose2::new(2.0, -1.0, 0.6);
+        let state = StateSample {
+            x_m: 2.0,
+            y_m: -1.0,
+            heading_rad: 0.6,
+            roll_rad: 0.2,
+            ..StateSample::default()
+        };
+        for tilts_with_roll in [true, false] {
+            let params = bikebot_dynamics::LaserParams {
+                mount_y: 0.1,
+                mount_yaw_deg: 20.0,
+                mount_pitch_deg: 5.0,
+                tilts_with_roll,
+                ..bikebot_dynamics::LaserParams::default()
+            };
+            let scanner = bikebot_dynamics::LaserScanner::new(&params).unwrap();
+            let bike = BikeGeometry {
+                wheelbase: 1.12,
+                wheel_radius: 0.33,
+                pivot_x: 0.3,
+                pivot_height: 0.8,
+                laser_position: [params.mount_x, params.mount_y, params.mount_z],
+                laser_yaw: params.mount_yaw_deg.to_radians(),
+                laser_pitch: params.mount_pitch_deg.to_radians(),
+                laser_is_level: !tilts_with_roll,
+                footprint: Vec::new(),
+            };
+            let sent = frames(SimTime::ZERO, &state, &bike);
+            let place = |frame: &FrameTransform, at: [f64; 3]| {
+                let from = frame.translation.as_ref().unwrap();
+                let [x, y, z] = rotate(frame.rotation.as_ref().unwrap(), at);
+                [from.x + x, from.y + y, from.z + z]
+            };
+            for angle in [-2.0_f64, 0.0, 1.2] {
+                let at = [3.0 * angle.cos(), 3.0 * angle.sin(), 0.0];
+                let at = place(&sent.transforms[0], place(&sent.transforms[1], at));
+                let expected = scanner.ray(angle, &pose, 0.2).at(3.0);
+                assert!(close(at, [expected.x, expected.y, expected.z]), "{angle}");
+            }
+        }
     }
 
     #[test]
@@ -784,6 +859,8 @@ mod tests {
             pivot_height: 0.0,
             laser_position: [0.0; 3],
             laser_yaw: 0.0,
+            laser_pitch: 0.0,
+            laser_is_level: false,
             footprint: Vec::new(),
         };
         let state = StateSample {

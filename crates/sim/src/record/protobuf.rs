@@ -392,6 +392,8 @@ mod tests {
             pivot_height: 0.8,
             laser_position: [0.9, 0.0, 0.6],
             laser_yaw: 0.0,
+            laser_pitch: 0.0,
+            laser_is_level: false,
             footprint: Vec::new(),
         };
         let state = StateSample {

@@ -47,6 +47,8 @@ fn bike() -> BikeGeometry {
         pivot_height: 0.8,
         laser_position: [0.9, 0.0, 0.6],
         laser_yaw: 0.0,
+        laser_pitch: 0.0,
+        laser_is_level: false,
         footprint: capsule_outline(-0.04, 1.16, 0.3),
     }
 }
@@ -152,6 +154,7 @@ fn ride(recorder: &mut dyn Recorder, seconds: f64) -> Result<(), RecordError> {
                 })
                 .collect();
             let scan = ScanSample {
+                stamp: time,
                 start_angle: -1.5,
                 angle_step: 3.0 / 180.0,
                 ranges: &ranges,
@@ -406,6 +409,7 @@ fn a_trace_read_back_is_the_trace_of_the_run_at_the_recorded_rate() {
     assert_eq!(read.notices, live.notices);
     assert_eq!(read.lines, live.lines);
     assert_eq!(read.scans.len(), live.scans.len());
+    assert_eq!(read.scans[3].time_s, live.scans[3].time_s);
     assert_eq!(read.scans[3].ranges, live.scans[3].ranges);
     assert!((read.scans[3].angle_step - live.scans[3].angle_step).abs() < 1e-15);
 }

@@ -61,7 +61,7 @@ pub struct FollowedTrace {
 /// One sweep of the laser.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScanTrace {
-    /// When, s.
+    /// The middle of the sweep, s.
     pub time_s: f64,
     /// Bearing of the first beam in the laser's frame, rad.
     pub start_angle: f64,
@@ -154,7 +154,7 @@ impl Recorder for Trace {
                 path: path.to_vec(),
             }),
             Event::Scan(scan) if self.keep_scans => self.scans.push(ScanTrace {
-                time_s,
+                time_s: scan.stamp.seconds(),
                 start_angle: scan.start_angle,
                 angle_step: scan.angle_step,
                 ranges: scan.ranges.to_vec(),
@@ -218,6 +218,7 @@ mod tests {
     #[test]
     fn keeps_scans_only_when_asked() {
         let scan = Event::Scan(ScanSample {
+            stamp: SimTime::ZERO,
             start_angle: 0.0,
             angle_step: 0.1,
             ranges: &[1.0, f64::INFINITY],

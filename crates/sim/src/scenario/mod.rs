@@ -10,12 +10,14 @@
 
 pub mod disturbance;
 mod document;
+pub mod obstacle;
 mod schema;
 mod schema_check;
 
 pub use disturbance::Disturbance;
 pub(crate) use document::to_table;
 pub use document::{Explained, Origin, Override, ScenarioError, ScenarioFile};
+pub use obstacle::{ObstacleSection, Repeat};
 pub use schema::json_schema;
 
 use crate::outcome::Expect;
@@ -67,9 +69,13 @@ pub struct Scenario {
     /// Watching the margins while riding.
     #[serde(default)]
     pub supervisor: SupervisorParams,
-    /// Laser range finder; scans are recorded while riding.
+    /// Laser range finder.
     #[serde(default)]
     pub laser: LaserParams,
+    /// What stands or moves in the field beside the map.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 1000))]
+    pub obstacle: Vec<ObstacleSection>,
     /// The simulated truth.
     #[serde(default)]
     pub plant: PlantSection,

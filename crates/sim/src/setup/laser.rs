@@ -39,6 +39,21 @@ impl Resolver<'_> {
                 "see the keys of [laser] in `bikebot schema`",
             );
         }
+        if let Err(error) = laser.check_mount(&self.scenario.bike.params) {
+            let key = ["laser.mount_x_m", "laser.mount_z_m", "laser.mount_y_m"]
+                .into_iter()
+                .find(|key| self.file.is_written(key))
+                .unwrap_or("laser");
+            return self.refuse(
+                key,
+                format!("[laser]: {error}"),
+                format!(
+                    "mount it above or beside the bike's parts: the wheels are {} m high, the balancer's pivot is at {} m",
+                    2.0 * self.scenario.bike.params.wheel_radius,
+                    self.scenario.bike.params.l
+                ),
+            );
+        }
         let divides =
             Period::from_hertz(laser.rate).is_ok_and(|scan| scan.in_steps_of(control).is_ok());
         if !divides {

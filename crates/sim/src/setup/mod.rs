@@ -7,6 +7,7 @@ mod disturbances;
 mod ends;
 mod laser;
 mod maps;
+mod obstacles;
 mod path_source;
 mod rates;
 
@@ -14,6 +15,7 @@ use crate::clock::{Period, SimTime};
 use crate::outcome::Expect;
 use crate::record::RecordOptions;
 use crate::scenario::{Disturbance, PlantModel, Scenario, ScenarioError, ScenarioFile};
+use crate::traffic::Traffic;
 use bikebot_control::{BalanceParams, FollowParams, FollowedPath, SupervisorParams};
 use bikebot_dynamics::{
     BalancerMode, BikeParams, BikeState, LaserParams, SensorParams, SteeringGeometry,
@@ -85,8 +87,10 @@ pub struct Setup {
     pub name: String,
     /// Seed of every random choice.
     pub seed: u64,
-    /// What is in the way; `None` where the scenario has no map.
+    /// What is known to be in the way; `None` where the scenario has no map.
     pub world: Option<World>,
+    /// What else is in the way, for some of the time or unknown to the planner.
+    pub traffic: Traffic,
     /// The map files that were read, by the path written in the scenario (or in the map file).
     pub files: Vec<(String, Vec<u8>)>,
     /// What a user should know about the inputs; nothing that stops the run.
@@ -189,7 +193,8 @@ impl Resolver<'_> {
     fn resolve(mut self) -> Result<Setup, SetupError> {
         let scenario = self.scenario;
         let (step, control) = self.rates()?;
-        let field = self.field()?;
+        let mut field = self.field()?;
+        let traffic = self.obstacles(&mut field)?;
         let laser = self.laser(control, field.world.is_some())?;
         let path = self.path()?;
         self.start_fits_the_plant()?;
@@ -205,11 +210,13 @@ impl Resolver<'_> {
         let disturbances = self.disturbances(&path)?;
         let goal = self.goal(&field, &path)?;
         let (footprint, planning_footprint) = self.footprints()?;
+        self.starts_clear(&traffic, &footprint, &start.pose, start_pose.as_ref())?;
         let (true_bike, mode_changes) = self.bike()?;
         Ok(Setup {
             name: scenario.name.clone(),
             seed: scenario.run.seed,
             world: field.world,
+            traffic,
             start,
             start_pose,
             goal,

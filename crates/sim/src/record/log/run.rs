@@ -296,8 +296,11 @@ fn message_into(
             let start_angle = number("start_angle").unwrap_or(0.0);
             let end_angle = number("end_angle").unwrap_or(0.0);
             let steps = ranges.len().saturating_sub(1).max(1) as f64;
+            let stamp = message.messages("timestamp").next().map_or(time_s, |at| {
+                at.number("seconds").unwrap_or(0.0) + at.number("nanos").unwrap_or(0.0) / 1e9
+            });
             trace.scans.push(ScanTrace {
-                time_s,
+                time_s: stamp,
                 start_angle,
                 angle_step: (end_angle - start_angle) / steps,
                 ranges,
