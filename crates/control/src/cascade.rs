@@ -11,6 +11,9 @@
 //! 6. [`crate::balance`]: the torque that keeps the body on it.
 //!
 //! A tick does not allocate.
+//!
+//! The path and how far it may be ridden can change at any moment (`takeover`); the path's end and
+//! a stop line are braked for alike.
 
 use bikebot_dynamics::constants::GRAVITY;
 use bikebot_dynamics::{
@@ -19,10 +22,13 @@ use bikebot_dynamics::{
 };
 use bikebot_geometry::{CurvePath, Point2, Pose2};
 
+mod takeover;
+
 use crate::balance::{BalanceLaw, BalanceOutput, check_period};
+use crate::braking::{BRAKE_GAIN, BrakingLimits, CREEP_SPEED, HOLD_GAIN};
 use crate::controller::{Controller, check_finite};
 use crate::error::ControlError;
-use crate::followed_path::{FollowedPath, RideLimits};
+use crate::followed_path::{FollowedPath, Projection, RideLimits};
 use crate::follower::{FollowStep, Follower, PlaneMotion, Turning};
 use crate::guardian::{Guardian, Intervention, SupervisorParams, Watched};
 use crate::lean_reference::LeanReference;
@@ -40,12 +46,6 @@ const FRICTION_SHARE: f64 = 0.5;
 /// How far along the curve the nearest point may move between two ticks, m, beyond twice the way ridden:
 /// a pose that comes late makes it jump.
 const PROJECTION_REACH: f64 = 0.5;
-/// Speed at which the last centimetres are ridden, m/s, and the distance at which it is given up, m.
-const CREEP_SPEED: f64 = 0.03;
-const ARRIVED: f64 = 0.003;
-/// How fast braking corrects the speed, and how fast hold takes the last of it, 1/s.
-const BRAKE_GAIN: f64 = 4.0;
-const HOLD_GAIN: f64 = 8.0;
 /// The bike is at rest below these, m/s, rad and rad/s.
 const REST_SPEED: f64 = 0.005;
 const REST_ROLL: f64 = 0.5 * std::f64::consts::PI / 180.0;
@@ -97,6 +97,14 @@ pub struct ControlOutput {
     pub energy: Option<AugmentedEnergy>,
     /// What the guardian of the margins has decided in this tick.
     pub intervention: Option<Intervention>,
+    /// Standing, or about to, before the stop line: it sets off again when the line moves on.
+    pub waiting: bool,
+    /// Standing, or about to, on the end of the path.
+    pub arrived: bool,
+    /// The stop line has come nearer than service braking allows: the bike brakes as hard as it may.
+    pub emergency: bool,
+    /// Arc length of the rear contact on the planned path, m.
+    pub rear_arc_length: f64,
     /// Standing upright: slower than 5 mm/s, within 0.5 deg of the lean held, turning over at less
     /// than 0.05 rad/s.
     pub at_rest: bool,
@@ -128,8 +136,20 @@ pub struct RideController {
     nominal: Bike,
     phase: Phase,
     arc_length: f64,
-    /// The phase of braking in which the goal has been reached.
+    /// The phase of braking in which the place of rest has been reached.
     arrived: bool,
+    /// It is the end of the path.
+    goal_reached: bool,
+    /// Arc length of the plan where the rear contact waits, m.
+    waits_at: f64,
+    /// The nearest place of rest while it brakes, m of the plan.
+    rests_at: f64,
+    limits: RideLimits,
+    braking: BrakingLimits,
+    /// Path, stop line or speed have been changed on the way.
+    has_changed: bool,
+    /// What was measured last.
+    measured: Measurement,
     period: f64,
 }
 
@@ -180,6 +200,17 @@ impl RideController {
             phase: Phase::Start,
             arc_length: projection.s,
             arrived: false,
+            goal_reached: false,
+            waits_at: 0.0,
+            rests_at: 0.0,
+            limits,
+            braking: BrakingLimits::new(
+                follow,
+                bike,
+                follow.lateral_acceleration.min(limits.lateral_acceleration),
+            ),
+            has_changed: false,
+            measured: *start,
             period: control_period,
         })
     }
@@ -247,12 +278,14 @@ impl RideController {
         let reach = PROJECTION_REACH + 2.0 * m.speed.abs() * dt;
         let projection = self.path.project(point, self.arc_length, reach);
         self.arc_length = projection.s;
+        self.measured = *m;
         let remaining = self.path.remaining(m.pose.position, projection.s);
-        self.advance_phase(m.speed, remaining);
+        self.watch_emergency(m.speed, &projection);
+        self.advance_phase(m, &projection, remaining);
 
         let plane = if self.phase == Phase::Hold {
             PlaneCommand {
-                acceleration: (-HOLD_GAIN * m.speed).clamp(
+                acceleration: (HOLD_GAIN * (self.holding_speed(&projection) - m.speed)).clamp(
                     -self.follow.drive_deceleration,
                     self.follow.drive_acceleration,
                 ),
@@ -261,7 +294,7 @@ impl RideController {
             }
         } else {
             let step = self.follower.step(&self.path, m, &projection, dt);
-            self.plane_command(m, &step, remaining)
+            self.plane_command(m, &step, &projection, remaining)
         };
 
         let mass = self.bike.mass();
@@ -312,6 +345,10 @@ impl RideController {
             drive_estimate: mass * self.drive.acceleration(),
             energy: plane.energy,
             intervention,
+            waiting: self.phase == Phase::Hold && !self.goal_reached,
+            arrived: self.phase == Phase::Hold && self.goal_reached,
+            emergency: self.is_emergency(),
+            rear_arc_length: self.path.rear_at(projection.s).0,
             at_rest: self.phase == Phase::Hold
                 && m.speed.abs() < REST_SPEED
                 && (m.roll - lean_held).abs() < REST_ROLL
@@ -374,38 +411,29 @@ impl RideController {
         intervention
     }
 
-    /// Start, cruise, brake and hold follow each other and never go back.
-    fn advance_phase(&mut self, speed: f64, remaining: f64) {
-        if self.phase == Phase::Start && speed >= self.follow.steering_speed_floor {
-            self.phase = Phase::Cruise;
-        }
-        let way = self
-            .path
-            .braking_speed(remaining - speed.max(0.0) * self.period);
-        if matches!(self.phase, Phase::Start | Phase::Cruise) && way <= speed.max(CREEP_SPEED) {
-            self.phase = Phase::Brake;
-        }
-        if self.phase == Phase::Brake {
-            self.arrived |= remaining <= ARRIVED;
-            if self.arrived && speed < 2.0 * REST_SPEED {
-                self.phase = Phase::Hold;
-            }
-        }
-    }
-
     /// Steps 3 and 4: what the follower wants as forward acceleration and steering rate.
-    fn plane_command(&self, m: &Measurement, step: &FollowStep, remaining: f64) -> PlaneCommand {
+    fn plane_command(
+        &self,
+        m: &Measurement,
+        step: &FollowStep,
+        projection: &Projection,
+        remaining: f64,
+    ) -> PlaneCommand {
         let f = &self.follow;
         let (acceleration, steering_share) = if self.phase == Phase::Brake {
             // Standing still, no steering angle moves the point sideways: let it fade out.
             (
-                self.braking_acceleration(m.speed, remaining),
+                self.braking_acceleration(m.speed, projection, remaining),
                 (m.speed / f.steering_speed_floor).clamp(0.0, 1.0),
             )
         } else {
-            (step.acceleration, 1.0)
+            let (speed, dt) = (m.speed.max(0.0), self.period);
+            let governed = self
+                .path
+                .governed(step.acceleration, speed, projection.s, dt);
+            (governed, 1.0)
         };
-        let acceleration = acceleration.clamp(-f.drive_deceleration, f.drive_acceleration);
+        let acceleration = acceleration.clamp(-self.hardest_deceleration(m), f.drive_acceleration);
         let steer_rate = match step.turning {
             Turning::YawAcceleration(yaw) => {
                 self.follower.own_point().steer_rate(m, acceleration, yaw)
@@ -419,11 +447,16 @@ impl RideController {
         }
     }
 
-    /// Holds the speed from which the bike comes to rest on the goal; the last centimetres are
-    /// ridden at a creep so that it neither stops short nor overshoots.
-    fn braking_acceleration(&self, speed: f64, remaining: f64) -> f64 {
+    /// Holds the speed from which the bike comes to rest on the goal or before the stop line; the last
+    /// centimetres are ridden at a creep so that it neither stops short nor overshoots.
+    fn braking_acceleration(&self, speed: f64, projection: &Projection, remaining: f64) -> f64 {
         if self.arrived {
             return -HOLD_GAIN * speed;
+        }
+        if let Some(distance) = self.stop_first(projection, remaining) {
+            return self
+                .braking
+                .most_acceleration(speed, distance, self.is_emergency());
         }
         let law = self.path.braking_speed(remaining);
         if law > CREEP_SPEED {

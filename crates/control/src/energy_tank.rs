@@ -78,6 +78,11 @@ impl EnergyTank {
         (force, (content - self.capacity).max(0.0))
     }
 
+    /// Takes `energy` J out, or puts it in where negative, as far as content and capacity go.
+    pub fn draw(&mut self, energy: f64) {
+        self.content = (self.content - energy).clamp(0.0, self.capacity);
+    }
+
     /// The force nearest to `wanted` whose cost is the whole content.
     fn affordable(&self, wanted: f64, step: &Withdrawal) -> f64 {
         // About its minimum the cost is a parabola; the force is on that side of it where `wanted` is.

@@ -41,6 +41,16 @@ pub enum ControlError {
         /// Where along the path, m.
         arc_length: f64,
     },
+    /// A path to go over to does not lead past the bike.
+    #[error(
+        "the new path does not lead past the bike: {distance} m beside it, heading {turn} rad off"
+    )]
+    PathElsewhere {
+        /// Distance of the followed point from the new followed curve, m.
+        distance: f64,
+        /// Heading of the new followed curve there less that of the bike, rad.
+        turn: f64,
+    },
     /// The upright decoupling term vanishes for this bike, so the balancer cannot control the roll.
     #[error(
         "the balancer has no authority over the roll at an offset of {offset} m (decoupling {decoupling} 1/s^2)"

@@ -16,10 +16,12 @@
 //!
 //! With [`Track::LookAheadPoint`] the plan itself, continued straight by `ell`, is the followed curve.
 
-use bikebot_geometry::{CurvePath, FergusonCurve, ParametricCurve, Point2, Pose2, Vector2, angle};
+use bikebot_geometry::{CurvePath, Point2, Pose2, Vector2, angle};
 
+use crate::authority::Authority;
 use crate::error::ControlError;
 use crate::params::{FollowParams, Track};
+use crate::plan_table::{Beyond, PlanSample, tabulate};
 use crate::profile::{corner_speed, moving_average, speed_profile};
 use crate::ramps::{blend, ramp_weights};
 
@@ -81,6 +83,21 @@ pub struct FollowedPath {
     speed_max: f64,
     /// Share of the profile's speed that is ridden.
     speed_share: f64,
+    /// Arc length of the rear contact on the plan at each sample, m.
+    rear: Vec<f64>,
+    entry: Entry,
+    /// The end of authority, once there has been one.
+    authority: Option<Authority>,
+}
+
+/// How a followed path begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Entry {
+    /// From rest, at the end speed of the profile.
+    Rest,
+    /// The bike is on it already: its profile starts at this speed, m/s, and the plan is taken to come along the
+    /// circle of its start.
+    Rolling(f64),
 }
 
 impl FollowedPath {
@@ -103,6 +120,17 @@ impl FollowedPath {
         limits: &RideLimits,
         ahead: f64,
     ) -> Result<Self, ControlError> {
+        Self::entered(path, params, limits, ahead, Entry::Rest)
+    }
+
+    /// As [`Self::new`], with the beginning that `entry` says.
+    pub(crate) fn entered(
+        path: &CurvePath,
+        params: &FollowParams,
+        limits: &RideLimits,
+        ahead: f64,
+        entry: Entry,
+    ) -> Result<Self, ControlError> {
         let length = path.length();
         if !(length >= Self::MIN_LENGTH && length.is_finite()) {
             return Err(ControlError::PathTooShort {
@@ -119,19 +147,24 @@ impl FollowedPath {
         let lateral = params.lateral_acceleration.min(limits.lateral_acceleration);
         let curve = match params.track {
             Track::LookAheadPoint => own_point_curve(path, params, limits, ahead, lateral),
-            Track::RearContact => rear_curve(path, params, limits, ahead, lateral)?,
+            Track::RearContact => rear_curve(path, params, limits, (ahead, lateral), entry)?,
         };
         let Curve {
             positions,
             headings,
             curvatures,
             speed_limits,
+            rear,
             step,
         } = curve;
+        let entry_speed = match entry {
+            Entry::Rest => params.end_speed,
+            Entry::Rolling(speed) => speed,
+        };
         let speeds = speed_profile(
             &speed_limits,
             step,
-            params.end_speed,
+            (entry_speed, params.end_speed),
             params.longitudinal_acceleration,
         );
         let n = positions.len();
@@ -163,7 +196,22 @@ impl FollowedPath {
             braking: params.braking_deceleration,
             speed_max,
             speed_share: 1.0,
+            rear,
+            entry,
+            authority: None,
         })
+    }
+
+    pub(crate) fn entry(&self) -> Entry {
+        self.entry
+    }
+
+    pub(crate) fn authority(&self) -> Option<&Authority> {
+        self.authority.as_ref()
+    }
+
+    pub(crate) fn set_authority(&mut self, authority: Authority) {
+        self.authority = Some(authority);
     }
 
     /// Rides the whole profile at this share of its speed from now on; to be moved gently.
@@ -248,13 +296,90 @@ impl FollowedPath {
         a + (x - i as f64) * (b - a)
     }
 
-    /// As [`Self::sample`], with the profile brought down to standstill at the end.
+    /// Where the rear contact is on the plan, m, while the own point is at arc length `s`, m, of the followed curve,
+    /// and how many times as fast the own point moves there; straight on beyond both ends.
+    #[must_use]
+    pub fn rear_at(&self, s: f64) -> (f64, f64) {
+        let last = self.rear.len() - 1;
+        let x = s / self.step;
+        if s < 0.0 {
+            return (self.rear[0] + s, 1.0);
+        }
+        if s > self.length() {
+            return (self.rear[last] + s - self.length(), 1.0);
+        }
+        let i = (x as usize).min(last - 1);
+        let (a, b) = (self.rear[i], self.rear[i + 1]);
+        (
+            a + (x - i as f64) * (b - a),
+            self.step / (b - a).max(1e-3 * self.step),
+        )
+    }
+
+    /// Where the own point is on the followed curve, m, while the rear contact is at arc length `rear`, m, of the
+    /// plan: the inverse of [`Self::rear_at`].
+    #[must_use]
+    pub fn own_at(&self, rear: f64) -> f64 {
+        let last = self.rear.len() - 1;
+        if rear < self.rear[0] {
+            return rear - self.rear[0];
+        }
+        if rear >= self.rear[last] {
+            return self.length() + rear - self.rear[last];
+        }
+        let i = self.rear.partition_point(|r| *r <= rear) - 1;
+        let (a, b) = (self.rear[i], self.rear[i + 1]);
+        self.step * (i as f64 + (rear - a) / (b - a))
+    }
+
+    /// As [`Self::sample`], with the profile restrained by the end of authority.
+    #[must_use]
+    pub fn reference(&self, s: f64) -> PathSample {
+        let mut sample = self.sample(s);
+        if let Some(authority) = &self.authority {
+            let (rear, stretch) = self.rear_at(s);
+            authority.restrain(&mut sample, s, rear, stretch);
+        }
+        sample
+    }
+
+    /// Way of the rear contact to where it shall stand before the stop line, m, with the own point at arc length
+    /// `s`, m; none without a line.
+    #[must_use]
+    pub fn stop_distance(&self, s: f64) -> Option<f64> {
+        let aim = self.authority.as_ref()?.aim?;
+        Some(aim - self.rear_at(s).0)
+    }
+
+    /// `acceleration`, m/s^2, as far as the stop line allows it with the own point at arc length `s`, m, and the
+    /// rear contact moving at `speed`, m/s, for another `time` s.
+    #[must_use]
+    pub fn governed(&self, acceleration: f64, speed: f64, s: f64, time: f64) -> f64 {
+        match (&self.authority, self.stop_distance(s)) {
+            (Some(authority), Some(distance)) => {
+                authority.govern(acceleration, speed, distance - speed * time)
+            }
+            _ => acceleration,
+        }
+    }
+
+    /// As [`Self::reference`], with the profile brought down to standstill at the end.
     #[must_use]
     pub fn riding_sample(&self, s: f64) -> PathSample {
         /// Below this the braking law is given up for standstill, m/s; it bounds the slope of the profile.
         const CREEP: f64 = 0.02;
-        let mut sample = self.sample(s);
+        let mut sample = self.reference(s);
         let braking = self.braking_speed(self.length() - s);
+        if let Some(authority) = &self.authority {
+            let hardest = authority.hardest(s);
+            if hardest > braking {
+                if hardest < sample.speed {
+                    sample.speed = hardest;
+                    sample.speed_slope = -authority.limits.emergency / hardest;
+                }
+                return sample;
+            }
+        }
         if braking < CREEP {
             sample.speed = 0.0;
             sample.speed_slope = 0.0;
@@ -340,6 +465,8 @@ struct Curve {
     headings: Vec<f64>,
     curvatures: Vec<f64>,
     speed_limits: Vec<f64>,
+    /// Arc length of the rear contact on the plan, m.
+    rear: Vec<f64>,
     step: f64,
 }
 
@@ -354,45 +481,6 @@ fn odd_count(window: f64, step: f64) -> usize {
     2 * ((0.5 * window / step).round() as usize) + 1
 }
 
-/// The plan at arc length `s`, continued straight beyond both ends.
-fn extended(path: &CurvePath, s: f64) -> (Point2, f64, f64) {
-    let length = path.length();
-    let at = path.at(s.clamp(0.0, length));
-    let beyond = s - s.clamp(0.0, length);
-    let (sin, cos) = at.heading.sin_cos();
-    let curvature = if beyond == 0.0 { at.curvature } else { 0.0 };
-    (
-        at.position + Vector2::new(cos, sin) * beyond,
-        at.heading,
-        curvature,
-    )
-}
-
-/// As [`extended`], but beyond the end on along the circle of the end's curvature, so that an average
-/// over the end does not turn its heading.
-fn extended_by_arc(path: &CurvePath, s: f64, tightest: f64) -> (Point2, f64, f64) {
-    let beyond = s - path.length();
-    let end = path.at(path.length());
-    // A cusp has no circle.
-    if beyond <= 0.0 || end.curvature.abs() > tightest || end.curvature.is_nan() {
-        return extended(path, s);
-    }
-    let turn = end.curvature * beyond;
-    let half = 0.5 * turn;
-    // sin(x)/x, whose series is exact to rounding here.
-    let shortening = if half.abs() < 1e-4 {
-        1.0 - half * half / 6.0
-    } else {
-        half.sin() / half
-    };
-    let (sin, cos) = (end.heading + half).sin_cos();
-    (
-        end.position + Vector2::new(cos, sin) * (beyond * shortening),
-        end.heading + turn,
-        end.curvature,
-    )
-}
-
 /// Adds whole turns so that no heading differs from the one before by more than half a turn.
 fn unwrap_headings(headings: &mut [f64]) {
     for i in 1..headings.len() {
@@ -402,7 +490,7 @@ fn unwrap_headings(headings: &mut [f64]) {
 
 /// What of the plan the steering cannot ride as it stands.
 fn unrideable(
-    planned: &[(Point2, f64, f64)],
+    planned: &[PlanSample],
     h: f64,
     params: &FollowParams,
     limits: &RideLimits,
@@ -413,7 +501,13 @@ fn unrideable(
         params.steer_rate_share * limits.steer_rate / (limits.wheelbase * params.end_speed);
     let mut marked = vec![false; planned.len()];
     for i in 1..planned.len() {
-        let ((_, from, a), (_, to, b)) = (planned[i - 1], planned[i]);
+        let (before, here) = (&planned[i - 1], &planned[i]);
+        let (from, a, to, b) = (
+            before.heading,
+            before.curvature,
+            here.heading,
+            here.curvature,
+        );
         let curvature = 0.5 * (a + b);
         let stretch = 1.0 + (limits.wheelbase * curvature).powi(2);
         // Negated, so that a curvature that is not finite counts as one that cannot be ridden.
@@ -434,16 +528,19 @@ fn own_point_curve(
     lateral: f64,
 ) -> Curve {
     let (n, step) = divide(path.length() + ahead);
-    let samples: Vec<_> = (0..=n).map(|i| extended(path, i as f64 * step)).collect();
-    let mut headings: Vec<f64> = samples.iter().map(|p| p.1).collect();
+    let straight = (Beyond::Straight, Beyond::Straight);
+    let samples = tabulate(path, (0.0, step, n + 1), straight);
+    let mut headings: Vec<f64> = samples.iter().map(|p| p.heading).collect();
     unwrap_headings(&mut headings);
-    let curvatures: Vec<f64> = samples.iter().map(|p| p.2).collect();
+    let curvatures: Vec<f64> = samples.iter().map(|p| p.curvature).collect();
     let window = odd_count(params.curvature_window, step);
     // A plan that can be ridden as it stands is fed forward as it is.
     let stands = !unrideable(&samples, step, params, limits).contains(&true);
     Curve {
-        positions: samples.iter().map(|p| p.0).collect(),
+        positions: samples.iter().map(|p| p.position).collect(),
         headings,
+        // The rear contact cuts corners; along the way it is the look-ahead behind.
+        rear: (0..=n).map(|i| i as f64 * step - ahead).collect(),
         speed_limits: curvatures
             .iter()
             .map(|k| corner_speed(*k, lateral, params.max_speed))
@@ -462,28 +559,36 @@ fn rear_curve(
     path: &CurvePath,
     params: &FollowParams,
     limits: &RideLimits,
-    ahead: f64,
-    lateral: f64,
+    (ahead, lateral): (f64, f64),
+    entry: Entry,
 ) -> Result<Curve, ControlError> {
     let (n, h) = divide(path.length());
     let wide = odd_count(params.smoothing_window, h);
     let narrow = odd_count(params.smoothing_window * ROUNDING_SHARE, h);
     let pad = (wide + narrow) / 2 + 2;
-    let planned: Vec<_> = (0..n + 2 * pad + 1)
-        .map(|i| extended_by_arc(path, (i as f64 - pad as f64) * h, limits.curvature))
-        .collect();
+    let circle = Beyond::Circle(limits.curvature);
+    let before = match entry {
+        Entry::Rest => Beyond::Straight,
+        Entry::Rolling(_) => circle,
+    };
+    let range = (-(pad as f64) * h, h, n + 2 * pad + 1);
+    let planned = tabulate(path, range, (before, circle));
     let marked = unrideable(&planned, h, params, limits);
     let fading = (FADING * params.smoothing_window / h) as usize;
     let weights = ramp_weights(&marked, (wide + narrow) / 2 + 1, fading);
-    let smooth = |of: fn(&(Point2, f64, f64)) -> f64| {
+    let smooth = |of: fn(&PlanSample) -> f64| {
         let raw: Vec<f64> = planned.iter().map(of).collect();
+        // Nothing is averaged in most plans.
+        if weights.iter().all(|w| *w == 0.0) {
+            return raw;
+        }
         blend(
             &raw,
             &moving_average(&moving_average(&raw, wide), narrow),
             &weights,
         )
     };
-    let (xs, ys) = (smooth(|p| p.0.x), smooth(|p| p.0.y));
+    let (xs, ys) = (smooth(|p| p.position.x), smooth(|p| p.position.y));
     let rear = RearPath::new(&planned, &xs, &ys, &weights, h).map_err(|i| {
         ControlError::PathDegenerate {
             arc_length: i.saturating_sub(pad) as f64 * h,
@@ -494,29 +599,33 @@ fn rear_curve(
     let trace: Vec<TraceSample> = (pad..=pad + n)
         .map(|i| {
             let (heading, curvature) = (rear.headings[i], rear.curvatures[i]);
-            let (sin, cos) = heading.sin_cos();
+            let along = rear.tangents[i];
             let slope = (rear.curvatures[i + 1] - rear.curvatures[i - 1]) / (2.0 * h);
             let steer = limits.wheelbase * curvature;
             let steer_slope = limits.wheelbase * slope.abs() / (1.0 + steer * steer);
             let stretch = (1.0 + (ahead * curvature).powi(2)).sqrt();
             let steering =
                 stretch * params.steer_rate_share * limits.steer_rate / steer_slope.max(1e-9);
-            let planned_curvature = planned[i].2.abs().max(curvature.abs());
+            let planned_curvature = planned[i].curvature.abs().max(curvature.abs());
             TraceSample {
-                position: Point2::new(xs[i], ys[i]) + Vector2::new(cos, sin) * ahead,
+                position: Point2::new(xs[i], ys[i]) + along * ahead,
                 heading: heading + (ahead * curvature).atan(),
+                // The tangent t + ell kappa n, of length one.
+                tangent: (along + Vector2::new(-along.y, along.x) * (ahead * curvature)) / stretch,
                 speed_limit: corner_speed(planned_curvature, lateral, params.max_speed)
                     .min(steering),
             }
         })
         .collect();
-    Ok(evenly_spaced(&trace))
+    Ok(evenly_spaced(&trace, h))
 }
 
 /// The path of the rear contact, with what its differences say.
 struct RearPath {
     /// Not wrapped, rad.
     headings: Vec<f64>,
+    /// Unit tangents.
+    tangents: Vec<Vector2>,
     /// 1/m.
     curvatures: Vec<f64>,
 }
@@ -525,7 +634,7 @@ impl RearPath {
     /// Where nothing was averaged, the plan's own heading and curvature stand. The error is the sample at
     /// which the path has no direction.
     fn new(
-        planned: &[(Point2, f64, f64)],
+        planned: &[PlanSample],
         xs: &[f64],
         ys: &[f64],
         weights: &[f64],
@@ -538,6 +647,7 @@ impl RearPath {
             weights[before] > 0.0 || weights[i] > 0.0 || weights[after] > 0.0
         };
         let mut headings = Vec::with_capacity(planned.len());
+        let mut tangents = Vec::with_capacity(planned.len());
         let mut lengths = Vec::with_capacity(planned.len());
         for (i, plan) in planned.iter().enumerate() {
             let (before, after) = around(i);
@@ -547,11 +657,13 @@ impl RearPath {
                 return Err(i);
             }
             lengths.push(length);
-            headings.push(if averaged(i) {
-                chord.y.atan2(chord.x)
+            if averaged(i) {
+                headings.push(chord.y.atan2(chord.x));
+                tangents.push(chord / length);
             } else {
-                plan.1
-            });
+                headings.push(plan.heading);
+                tangents.push(plan.tangent);
+            }
         }
         unwrap_headings(&mut headings);
         let curvatures = planned
@@ -562,12 +674,13 @@ impl RearPath {
                 if averaged(i) {
                     (headings[after] - headings[before]) / lengths[i]
                 } else {
-                    plan.2
+                    plan.curvature
                 }
             })
             .collect();
         Ok(Self {
             headings,
+            tangents,
             curvatures,
         })
     }
@@ -577,11 +690,13 @@ impl RearPath {
 struct TraceSample {
     position: Point2,
     heading: f64,
+    /// Unit tangent.
+    tangent: Vector2,
     speed_limit: f64,
 }
 
-/// The trace again, equally spaced along itself.
-fn evenly_spaced(trace: &[TraceSample]) -> Curve {
+/// The trace, whose samples are `h` m apart on the plan, again, equally spaced along itself.
+fn evenly_spaced(trace: &[TraceSample], h: f64) -> Curve {
     let last = trace.len() - 1;
     let mut arc = vec![0.0];
     for pair in trace.windows(2) {
@@ -608,6 +723,7 @@ fn evenly_spaced(trace: &[TraceSample]) -> Curve {
         headings: Vec::with_capacity(count + 1),
         curvatures: Vec::with_capacity(count + 1),
         speed_limits: Vec::with_capacity(count + 1),
+        rear: Vec::with_capacity(count + 1),
         step,
     };
     let mut k = 0;
@@ -628,6 +744,7 @@ fn evenly_spaced(trace: &[TraceSample]) -> Curve {
         curve.headings.push(mix(a.heading, b.heading));
         curve.curvatures.push(mix(bend[k], bend[k + 1]));
         curve.speed_limits.push(a.speed_limit.min(b.speed_limit));
+        curve.rear.push((k as f64 + t) * h);
     }
     curve
 }
@@ -635,16 +752,17 @@ fn evenly_spaced(trace: &[TraceSample]) -> Curve {
 /// The point a share `t` of the way between two samples `span` m apart, on the Ferguson curve that has their
 /// headings: a straight line would leave kinks of a milliradian, which feed-forward would steer after.
 fn between(a: &TraceSample, b: &TraceSample, span: f64, t: f64) -> Point2 {
-    let tangent = |sample: &TraceSample| {
-        let (sin, cos) = sample.heading.sin_cos();
-        Vector2::new(cos, sin) * span
-    };
-    FergusonCurve::from_ends(a.position, tangent(a), b.position, tangent(b)).point(t)
+    let (start, end) = (a.tangent * span, b.tangent * span);
+    let chord = b.position - a.position;
+    let bend = chord * 3.0 - start * 2.0 - end;
+    let twist = start + end - chord * 2.0;
+    a.position + (start + (bend + twist * t) * t) * t
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bikebot_geometry::FergusonCurve;
 
     const LIMITS: RideLimits = RideLimits {
         wheelbase: 1.12,

@@ -8,13 +8,16 @@
 //! left is one exponentially stable number. Between them stands [`lean_reference`]:
 //! a balancer cannot hold the moment of a turn, so the body must already lean when the
 //! turn comes. [`cascade::RideController`] joins the three and [`supervisor`] tells it
-//! when to start, cruise, brake and hold.
+//! when to start, cruise, brake and hold. [`RideController::set_stop`] and
+//! [`RideController::replace_path`] let a planner move the end of the way while the bike rides.
 //!
 //! SI units and radians throughout. World frame: x right, y up, heading
 //! counter-clockwise from +x. Roll is positive to the right, the balancer angle is
 //! measured from the body in the same sense, steering is positive to the left.
 
+mod authority;
 pub mod balance;
+pub mod braking;
 pub mod cascade;
 pub mod controller;
 pub mod energy_tank;
@@ -30,6 +33,7 @@ pub mod observer;
 pub mod output_function;
 pub mod output_zeroing;
 pub mod params;
+mod plan_table;
 pub mod predictive;
 pub mod profile;
 pub mod pvfc;
@@ -41,6 +45,7 @@ pub mod supervisor;
 pub mod velocity_field;
 
 pub use balance::{BalanceController, BalanceLaw, BalanceOutput};
+pub use braking::{BrakingLimits, BrakingManoeuvre};
 pub use cascade::{ControlOutput, RideController};
 pub use controller::Controller;
 pub use energy_tank::EnergyTank;

@@ -15,6 +15,9 @@
 //!
 //! With an energy tank of content `T` the books are stricter: the tank pays for regulator and
 //! integrator, so `k + T` rises by the supplied work, less what a full tank gives up.
+//!
+//! A path taken over on the way may be ridden faster than any before. Its field then has more energy, which is
+//! granted with it: at most once as much as there is between the first path's field and that of the highest speed.
 
 use bikebot_geometry::Vector2;
 
@@ -41,6 +44,8 @@ pub struct AugmentedEnergy {
     pub given_up: f64,
     /// Whether a tank pays for regulator and integrator.
     pub strict: bool,
+    /// What a new path brought along at the beginning of the tick, J: its field has more energy than the one before.
+    pub granted: f64,
 }
 
 impl AugmentedEnergy {
@@ -50,7 +55,7 @@ impl AugmentedEnergy {
     /// What the books of a tick of `dt` seconds miss, J: zero but for rounding, whatever the bike did.
     #[must_use]
     pub fn residual(&self, dt: f64) -> f64 {
-        let supplied = dt * self.supplied_power;
+        let supplied = dt * self.supplied_power + self.granted;
         if self.strict {
             self.rise + self.tank_rise + self.given_up - supplied
         } else {
@@ -77,6 +82,7 @@ impl AugmentedEnergy {
 pub struct EnergyAccount {
     open: Option<(PvfcStep, Vector2)>,
     closed: AugmentedEnergy,
+    granted: f64,
 }
 
 impl EnergyAccount {
@@ -89,6 +95,7 @@ impl EnergyAccount {
         point_mass: f64,
         dt: f64,
     ) -> AugmentedEnergy {
+        let granted = std::mem::take(&mut self.granted);
         self.closed = match self.open {
             None => AugmentedEnergy {
                 stored: step.stored,
@@ -110,11 +117,17 @@ impl EnergyAccount {
                     tank_rise: step.tank.unwrap_or(0.0) - before.tank.unwrap_or(0.0),
                     given_up: before.given_up,
                     strict: step.tank.is_some(),
+                    granted,
                 }
             }
         };
         self.open = Some((*step, point_rate));
         self.closed
+    }
+
+    /// Enters `energy` J that a new path brought along.
+    pub fn grant(&mut self, energy: f64) {
+        self.granted += energy;
     }
 
     /// Stops the augmented system: from now on nothing rises and nothing is supplied.
@@ -183,6 +196,19 @@ mod tests {
         assert!(paid.residual(dt).abs() < 1e-12 && !paid.is_violated(dt));
         let unpaid = account.enter(&filled(25.02, 4.99), rate, mass, dt);
         assert!(unpaid.is_violated(dt) && (unpaid.residual(dt) - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_a_new_path_brings_is_in_the_books_once() {
+        let (mass, dt) = (50.0, 0.005);
+        let rate = Vector2::new(1.0, 0.0);
+        let mut account = EnergyAccount::default();
+        account.enter(&step(25.0, Vector2::zeros(), 0.0, 0.0), rate, mass, dt);
+        account.grant(7.0);
+        let raised = account.enter(&step(32.0, Vector2::zeros(), 0.0, 0.0), rate, mass, dt);
+        assert!(!raised.is_violated(dt) && raised.granted == 7.0);
+        let after = account.enter(&step(32.0, Vector2::zeros(), 0.0, 0.0), rate, mass, dt);
+        assert!(!after.is_violated(dt) && after.granted == 0.0);
     }
 
     #[test]

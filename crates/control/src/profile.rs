@@ -12,12 +12,29 @@ pub fn corner_speed(curvature: f64, lateral_acceleration: f64, max_speed: f64) -
 /// Replaces each sample by the least within `reach` samples on either side.
 #[must_use]
 pub fn spread_minimum(values: &[f64], reach: usize) -> Vec<f64> {
-    (0..values.len())
-        .map(|i| {
-            let window = &values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())];
-            window.iter().copied().fold(f64::INFINITY, f64::min)
-        })
-        .collect()
+    let n = values.len();
+    let mut least = Vec::with_capacity(n);
+    // Candidates in rising order: each is the least of all that come after it in the window.
+    let mut candidates = std::collections::VecDeque::with_capacity(2 * reach + 2);
+    let mut next = 0;
+    for i in 0..n {
+        while next < (i + reach + 1).min(n) {
+            while candidates
+                .back()
+                .is_some_and(|&last: &usize| values[last] >= values[next])
+            {
+                candidates.pop_back();
+            }
+            candidates.push_back(next);
+            next += 1;
+        }
+        while candidates.front().is_some_and(|&first| first + reach < i) {
+            candidates.pop_front();
+        }
+        // A window of nothing but NaN has no least.
+        least.push(candidates.front().map_or(f64::INFINITY, |&k| values[k]));
+    }
+    least
 }
 
 /// Lowers the speeds until neither speeding up nor slowing down exceeds `acceleration`, m/s^2,
@@ -45,17 +62,22 @@ pub fn moving_average(values: &[f64], window: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The full profile of a table of greatest speeds: spread, pinned to `end_speed` at both ends,
+/// The full profile of a table of greatest speeds: spread, pinned to a speed at its start and one at its end,
 /// limited in acceleration and averaged.
 #[must_use]
-pub fn speed_profile(limits: &[f64], step: f64, end_speed: f64, acceleration: f64) -> Vec<f64> {
+pub fn speed_profile(
+    limits: &[f64],
+    step: f64,
+    (start_speed, end_speed): (f64, f64),
+    acceleration: f64,
+) -> Vec<f64> {
     /// Corners are approached this early, m: the lean has to be there before the curvature.
     const SPREAD: f64 = 0.25;
     /// Rounds the kinks between accelerating and braking, m.
     const ROUNDING: f64 = 0.15;
     let mut speeds = spread_minimum(limits, (SPREAD / step) as usize);
     if let Some(first) = speeds.first_mut() {
-        *first = first.min(end_speed);
+        *first = first.min(start_speed);
     }
     if let Some(last) = speeds.last_mut() {
         *last = last.min(end_speed);
@@ -77,11 +99,22 @@ mod tests {
 
     proptest! {
         #[test]
+        fn the_least_of_each_window_is_found(
+            values in prop::collection::vec(0.0f64..1.0, 0..60), reach in 0usize..80,
+        ) {
+            let spread = spread_minimum(&values, reach);
+            for (i, least) in spread.iter().enumerate() {
+                let window = &values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())];
+                prop_assert_eq!(*least, window.iter().copied().fold(f64::INFINITY, f64::min));
+            }
+        }
+
+        #[test]
         fn never_exceeds_the_limits_nor_the_acceleration(
             raw in prop::collection::vec(0.3f64..3.0, 60..200),
         ) {
             let step = 0.01;
-            let profile = speed_profile(&raw, step, 0.3, 0.3);
+            let profile = speed_profile(&raw, step, (0.3, 0.3), 0.3);
             for (i, v) in profile.iter().enumerate() {
                 // The spread reaches further than the average, so the average stays below.
                 prop_assert!(*v <= raw[i] + 1e-12);

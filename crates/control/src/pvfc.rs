@@ -137,6 +137,51 @@ impl Pvfc {
         self.tank.as_ref().map(EnergyTank::content)
     }
 
+    /// Goes over to another curve, on which the virtual time is `virtual_time`, m, and to its field. The motion
+    /// goes on as it is; a field of more energy comes with the energy that fills it, which is returned, J.
+    pub fn take_over(&mut self, field: VelocityField, virtual_time: f64) -> f64 {
+        // The level is this multiple of the field's energy.
+        let share = self.level / self.field.energy();
+        let granted = share * (field.energy() - self.field.energy());
+        if granted != 0.0 {
+            self.flywheel_rate = (self.flywheel_rate * self.flywheel_rate
+                + 2.0 * granted / field.inertia()[3])
+                .max(0.0)
+                .sqrt();
+        }
+        self.level = share * field.energy();
+        self.field = field;
+        self.virtual_time = virtual_time;
+        granted
+    }
+
+    /// Sets off again after the augmented system was stopped, at `virtual_time`, m, with the virtual time moving at
+    /// `virtual_rate` and the point at `point_rate`, m/s. The flywheel gets what is left of the level's energy, as far
+    /// as what was stored and the tank suffice.
+    pub fn resume(&mut self, virtual_time: f64, virtual_rate: f64, point_rate: Vector2) {
+        let m = self.field.inertia();
+        let stored = self.stored_energy(point_rate);
+        let available = match &self.tank {
+            Some(tank) => stored + tank.content(),
+            None => f64::INFINITY,
+        };
+        let others = 0.5 * (m[0] * point_rate.norm_squared() + m[2] * virtual_rate * virtual_rate);
+        let flywheel = (self.level.min(available) - others).max(0.0);
+        self.virtual_time = virtual_time;
+        self.virtual_rate = virtual_rate;
+        self.flywheel_rate = (2.0 * flywheel / m[3]).max(1e-6).sqrt();
+        let drawn = self.stored_energy(point_rate) - stored;
+        if let Some(tank) = &mut self.tank {
+            tank.draw(drawn);
+        }
+    }
+
+    /// The field it moves in.
+    #[must_use]
+    pub fn field(&self) -> &VelocityField {
+        &self.field
+    }
+
     /// One step of `dt` seconds from the measured point, m, and its velocity, m/s. What the steering does
     /// to the point comes `lag` seconds late, so the curvature that is fed forward is that of where the
     /// virtual time will be by then.

@@ -63,6 +63,17 @@ impl VelocityField {
         }
     }
 
+    /// The field of `params` for profiles up to `speed_max`, m/s, but with no less energy than this one.
+    #[must_use]
+    pub fn raised_for(&self, params: &FollowParams, speed_max: f64) -> Self {
+        let field = Self::new(params, speed_max);
+        if field.energy > self.energy {
+            field
+        } else {
+            *self
+        }
+    }
+
     /// `M`, kg: the diagonal inertia of the augmented system.
     #[must_use]
     pub fn inertia(&self) -> Vector4<f64> {

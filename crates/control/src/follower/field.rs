@@ -109,6 +109,25 @@ impl FieldFollower {
         self.account.rest()
     }
 
+    /// Goes over to `path`, on whose curve the virtual time is `virtual_time`, m.
+    pub fn take_over(&mut self, params: &FollowParams, path: &FollowedPath, virtual_time: f64) {
+        let field = self.pvfc.field().raised_for(params, path.speed_max());
+        let granted = self.pvfc.take_over(field, virtual_time);
+        self.account.grant(granted);
+        self.measured = self.pvfc;
+    }
+
+    /// Sets off again after a rest, with the look-ahead point at `projection` beside `path`.
+    pub fn resume(&mut self, path: &FollowedPath, m: &Measurement, projection: &Projection) {
+        let point_rate = self.own.velocity(m);
+        let along = path.sample(projection.s).heading;
+        let virtual_rate = point_rate
+            .dot(&Vector2::new(along.cos(), along.sin()))
+            .max(0.0);
+        self.pvfc.resume(projection.s, virtual_rate, point_rate);
+        self.measured = self.pvfc;
+    }
+
     /// The closed loop ahead, as [`super::Follower::roll_out`].
     pub fn roll_out(
         &self,
@@ -124,7 +143,9 @@ impl FieldFollower {
             let m = bike.measured;
             let (point, rate) = (self.own.point(&m), self.own.velocity(&m));
             let wanted = pvfc.step(path, point, rate, lag, bike.dt()).acceleration;
-            let acceleration = bike.driven(self.own.forward_acceleration(&m, wanted));
+            let forward = self.own.forward_acceleration(&m, wanted);
+            let s = pvfc.virtual_time();
+            let acceleration = bike.driven(path.governed(forward, m.speed, s, bike.dt()));
             let yaw = self.own.yaw_acceleration(&self.by_then(&m, lag), wanted);
             bike.roll(acceleration, self.own.steer_rate(&m, acceleration, yaw))
         };

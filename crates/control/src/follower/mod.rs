@@ -143,6 +143,22 @@ impl Follower {
         }
     }
 
+    /// Goes over to `path`, on whose curve the virtual time is `virtual_time`, m.
+    pub fn take_over(&mut self, params: &FollowParams, path: &FollowedPath, virtual_time: f64) {
+        match self {
+            Self::Field(field) => field.take_over(params, path, virtual_time),
+            Self::Steering(steering) => steering.take_over(virtual_time),
+        }
+    }
+
+    /// Sets off again after a rest, with the own point at `projection` beside `path`.
+    pub fn resume(&mut self, path: &FollowedPath, m: &Measurement, projection: &Projection) {
+        match self {
+            Self::Field(field) => field.resume(path, m, projection),
+            Self::Steering(steering) => steering.take_over(projection.s),
+        }
+    }
+
     /// Rolls the closed loop of follower and bike ahead along `path`: `visit` is told centripetal
     /// acceleration, m/s^2, and yaw acceleration, rad/s^2, of each of `steps` steps of `step` s.
     pub fn roll_out(

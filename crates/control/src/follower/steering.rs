@@ -119,10 +119,15 @@ impl SteeringFollower {
             .steering_angle(path, &m.pose, m.speed, projection)
             .clamp(-self.limits.steer, self.limits.steer);
         FollowStep {
-            acceleration: self.acceleration(&path.sample(projection.s), m.speed, m.steer),
+            acceleration: self.acceleration(&path.reference(projection.s), m.speed, m.steer),
             turning: Turning::SteerRate(self.steering_gain * (wanted - m.steer)),
             energy: None,
         }
+    }
+
+    /// Goes over to another curve, on which the foot of its own point is `virtual_time`, m.
+    pub fn take_over(&mut self, virtual_time: f64) {
+        self.virtual_time = virtual_time;
     }
 
     /// The speed law on a `sample` of the curve. The profile is that of the own point, which on the front
@@ -158,7 +163,9 @@ impl SteeringFollower {
                 .clamp(-limit, limit);
             // The end is braked for by the cascade, as the riding profile foresees it.
             let sample = path.riding_sample(projection.s);
-            let acceleration = bike.driven(self.acceleration(&sample, m.speed, m.steer));
+            let wanted_acceleration = self.acceleration(&sample, m.speed, m.steer);
+            let acceleration =
+                bike.driven(path.governed(wanted_acceleration, m.speed, projection.s, bike.dt()));
             let rate = self.steering_gain * (wanted - m.steer);
             s = projection.s;
             bike.roll(acceleration, rate)

@@ -4,6 +4,8 @@
 // Every test file takes what it needs of this module.
 #![allow(dead_code)]
 
+pub mod stepper;
+
 use std::f64::consts::FRAC_PI_2;
 
 use bikebot_control::{BalanceParams, ControlOutput, FollowParams, Phase, RideController};
