@@ -8,7 +8,7 @@
 //! | [`world`] | obstacles, maps, and the questions one can ask them |
 //! | [`planner`] | curvature-bounded planning |
 //! | [`dynamics`] | plant models, actuators and sensors |
-//! | [`mapping`] | the belief made of laser scans |
+//! | [`mapping`] | the belief made of laser scans, scan logs, tracks of what moves |
 //! | [`control`] | balance by output zeroing, following by passive velocity fields |
 //! | [`sim`] | scenario, closed loop, recordings |
 //! | [`report`] | pictures of plans and rides |

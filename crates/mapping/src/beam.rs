@@ -95,7 +95,7 @@ impl Device {
         self.rays.clear();
         let laser = self.laser;
         let (sin_yaw, cos_yaw) = laser.mount_yaw_deg.to_radians().sin_cos();
-        let (sin_pitch, cos_pitch) = pitch(&laser).sin_cos();
+        let (sin_pitch, cos_pitch) = laser.mount_pitch_deg.to_radians().sin_cos();
         for i in 0..count {
             let (sin, cos) = (angle_min + angle_step * i as f64).sin_cos();
             let level = cos * cos_pitch;
@@ -207,9 +207,4 @@ impl Device {
         }
         beam
     }
-}
-
-/// How far the middle beam points down, rad.
-fn pitch(_laser: &LaserParams) -> f64 {
-    0.0
 }

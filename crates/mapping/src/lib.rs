@@ -8,6 +8,8 @@
 //! | `beam` | where a beam of the leaning, moving laser went, and how high |
 //! | `marks` | the cells a scan passed and hit, each once |
 //! | `evidence` | how much a scan says, and when a cell changes its mind |
+//! | [`logs`] | logs of real scans, and maps made of them |
+//! | [`tracks`] | what moves: clusters of hits that the belief does not explain |
 //! | `outline` | the bike's own outline among returns and cells |
 //!
 //! The answer of [`Mapper::insert`] is what [`bikebot_world::WorldChanges::cells`] takes, so the worlds that planning and
@@ -20,12 +22,15 @@ mod beam;
 mod belief;
 mod error;
 mod evidence;
+pub mod logs;
 mod mapper;
 mod marks;
 mod outline;
 mod params;
+pub mod tracks;
 
 pub use belief::BeliefGrid;
 pub use error::MappingError;
 pub use mapper::{Hit, Mapper};
 pub use params::MapperParams;
+pub use tracks::{Track, Tracker, TrackerParams};

@@ -16,6 +16,13 @@ use crate::params::MapperParams;
 /// whichever way the last digit rounds.
 const DEPTH: f64 = 1e-6;
 
+/// Beams as far apart as this part of a cell cross every cell: a square is nowhere narrower than its side. The rest is for the bike
+/// that moves from beam to beam.
+const DENSE: f64 = 0.7;
+
+/// Beams are told apart by how often their index can be halved, up to this.
+const MOST_HALVINGS: u32 = 5;
+
 /// Beams to either side that must have met nothing before, for a missing return to clear as far as it may: a lost return
 /// must not clear what the beams beside it see.
 const WITNESSES: usize = 2;
@@ -60,7 +67,7 @@ pub struct Mapper {
     thresholds: Thresholds,
     marks: Marks,
     beams: Vec<Beam>,
-    /// Distance over ground of the nearest thing met in a tube about each beam, m.
+    /// Distance over ground of the nearest thing met in a tube about each beam, then up to which it clears, m.
     nearest: Vec<f64>,
     hits: Vec<Hit>,
     changes: Vec<(usize, usize, Cell)>,
@@ -151,6 +158,11 @@ impl Mapper {
         &self.hits
     }
 
+    /// How far a hit `distance` (m) away may be entered from where it belongs, m: two standard deviations of pose and range.
+    pub(crate) fn blur(&self, distance: f64) -> f64 {
+        2.0 * self.params.lateral_variance(distance).sqrt() + self.device.range_margin(distance)
+    }
+
     /// The cells that changed their verdict last, as [`Mapper::insert`] or [`Mapper::declare_free`] answered.
     #[must_use]
     pub fn changes(&self) -> &[(usize, usize, Cell)] {
@@ -177,7 +189,7 @@ impl Mapper {
         self.hits.clear();
         self.aim(scan, poses)?;
         self.look_beside(scan.angle_step);
-        self.mark();
+        self.mark(scan.angle_step);
         self.judge();
         Ok(&self.changes)
     }
@@ -203,17 +215,18 @@ impl Mapper {
         scan: &LaserScan,
         mut poses: impl FnMut(f64) -> (Pose2, f64),
     ) -> Result<(), MappingError> {
-        let (start, beam_period) = (
-            firing_time(scan, 0),
-            firing_time(scan, 1) - firing_time(scan, 0),
-        );
-        let numbers = [scan.angle_min, scan.angle_step, start, beam_period];
+        let numbers = [
+            scan.angle_min,
+            scan.angle_step,
+            scan.start,
+            scan.beam_period,
+        ];
         if !numbers.iter().all(|v| v.is_finite()) {
             return Err(MappingError::Scan {
                 angle_min: scan.angle_min,
                 angle_step: scan.angle_step,
-                start,
-                beam_period,
+                start: scan.start,
+                beam_period: scan.beam_period,
             });
         }
         let blind = self.params.surface_margin;
@@ -222,7 +235,7 @@ impl Mapper {
         self.beams.clear();
         let mut last = None;
         for (index, &range) in scan.ranges.iter().enumerate() {
-            let time = firing_time(scan, index);
+            let time = scan.beam_time(index);
             let (pose, roll) = poses(time);
             let attitude = match last {
                 // The same bits as for the beam before, as with a scanner that sees all at once.
@@ -289,22 +302,36 @@ impl Mapper {
     }
 
     /// Marks what was passed, then what was hit: hits win.
-    fn mark(&mut self) {
-        for (beam, nearest) in self.beams.iter().zip(&self.nearest) {
-            let kept = nearest
+    fn mark(&mut self, angle_step: f64) {
+        for (beam, nearest) in self.beams.iter().zip(&mut self.nearest) {
+            let kept = *nearest
                 - self.params.surface_margin
                 - self.params.position_sigma
                 - self.device.range_margin(*nearest);
             // Nothing met beside it, and the margin of infinity is no number.
-            let until = if nearest.is_finite() {
+            *nearest = if nearest.is_finite() {
                 kept.min(beam.clear)
             } else {
                 beam.clear
             };
-            if until > 0.0 {
-                let end = beam.origin + beam.direction * until;
-                self.marks
-                    .pass(self.frame.cells(beam.origin), self.frame.cells(end));
+        }
+        let until = &self.nearest;
+        // Every other beam may begin where its neighbours by themselves would begin to leave cells out, those between these where
+        // every fourth beam would, and so on: near the scanner a cell is crossed by dozens of them.
+        let dense = DENSE * self.belief.grid().resolution / angle_step.abs();
+        for (i, beam) in self.beams.iter().enumerate() {
+            let end = until[i];
+            if end > 0.0 {
+                let apart = 1 << i.trailing_zeros().min(MOST_HALVINGS);
+                let neighbours = [i.checked_sub(apart), i.checked_add(apart)]
+                    .map(|k| k.and_then(|k| until.get(k)).copied().unwrap_or(0.0));
+                let begin = (0.5 * dense / apart as f64)
+                    .min(neighbours[0])
+                    .min(neighbours[1])
+                    .clamp(0.0, end);
+                let [from, to] = [begin, end]
+                    .map(|distance| self.frame.cells(beam.origin + beam.direction * distance));
+                self.marks.pass(from, to);
             }
         }
         let grid = self.belief.grid();
@@ -356,11 +383,6 @@ impl Mapper {
             }
         });
     }
-}
-
-/// When beam `index` was fired, s: this laser fires all at once, at time zero of the scan.
-fn firing_time(_scan: &LaserScan, _index: usize) -> f64 {
-    0.0
 }
 
 #[cfg(test)]

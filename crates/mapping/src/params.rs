@@ -1,6 +1,7 @@
 //! `[mapper]`: how scans become a belief.
 
 use crate::error::MappingError;
+use crate::tracks::TrackerParams;
 
 /// How much a scan tells, and what it takes to believe it.
 ///
@@ -72,6 +73,8 @@ pub struct MapperParams {
     /// A cell becomes occupied when its log-odds rise to this.
     #[schemars(range(min = -30.0, max = 30.0))]
     pub occupied_at: f64,
+    /// How moving things are followed.
+    pub tracker: TrackerParams,
 }
 
 impl Default for MapperParams {
@@ -94,6 +97,7 @@ impl Default for MapperParams {
             free_until: -0.9,
             occupied_until: 0.0,
             occupied_at: 0.7,
+            tracker: TrackerParams::default(),
         }
     }
 }
@@ -148,7 +152,11 @@ mod tests {
         assert_eq!(MapperParams::default().check(), Ok(()));
         let schema = serde_json::to_value(schemars::schema_for!(MapperParams)).expect("a schema");
         let own = schema["properties"].as_object().expect("properties");
-        for (key, property) in own {
+        let trackers = schema["$defs"]["TrackerParams"]["properties"].as_object();
+        for (key, property) in own.iter().chain(trackers.expect("properties")) {
+            if key == "tracker" {
+                continue;
+            }
             let bounded = property.get("maximum").is_some()
                 && (property.get("minimum").is_some()
                     || property.get("exclusiveMinimum").is_some());

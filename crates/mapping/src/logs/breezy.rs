@@ -1,0 +1,188 @@
+//! BreezySLAM's `.dat` logs: one scan a line, numbers between blanks.
+//!
+//! | field, from 1 | is |
+//! |---|---|
+//! | 1 | time, µs |
+//! | 3, 4 | counts of the left and the right wheel's encoder |
+//! | 25 … | ranges, mm, counter-clockwise; 0: no return, below 20: an error code of the device |
+//!
+//! The robot is that of the Mines ParisTech data set, for which the format was made (Steux & El Hamzaoui, *CoreSLAM: a SLAM
+//! algorithm in less than 200 lines of C code*, ICARCV 2010); its constants are those published with it:
+//!
+//! | | |
+//! |---|---|
+//! | wheels | radius 77 mm, 330 mm apart, 2000 counts a turn |
+//! | laser | Hokuyo URG-04LX, 145 mm ahead of the axle, 1024 beams a turn of 0.1 s, good to 4 m |
+//! | beams not used | the 70 at either end, which may look at the robot |
+//!
+//! The middle range of the line looks straight ahead. The wheels of a log of another robot mean something else, and its map comes
+//! out wrong.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use bikebot_dynamics::LaserScan;
+use bikebot_geometry::Pose2;
+
+use super::error::shorten;
+use super::{Clock, LogError, LogFormat, LogOptions, LogProblem, LoggedScan, ScanLog, level_laser};
+
+/// Fields before the ranges.
+const HEADER: usize = 24;
+/// Most ranges a line may hold.
+const MOST_BEAMS: usize = 100_000;
+
+/// Wheel radius, m.
+const WHEEL_RADIUS: f64 = 0.077;
+/// From wheel to wheel, m.
+const TRACK: f64 = 0.330;
+/// Counts of a turn of a wheel.
+const COUNTS: f64 = 2000.0;
+/// Laser ahead of the axle, m.
+const LASER_AHEAD: f64 = 0.145;
+/// Beams of a full turn of the laser.
+const BEAMS_PER_TURN: f64 = 1024.0;
+/// Largest range the device is good for, m.
+const MAX_RANGE: f64 = 4.0;
+/// Beams at either end that are not used.
+const UNUSED: usize = 70;
+
+/// Where two wheels have carried the robot.
+#[derive(Debug, Clone, Copy)]
+struct Odometer {
+    counts: (i64, i64),
+    pose: Pose2,
+}
+
+impl Odometer {
+    /// Along the arc that the two wheels roll.
+    fn advance(&mut self, counts: (i64, i64)) {
+        let way = |now: i64, before: i64| {
+            // As real numbers: no two counts are too far apart for them.
+            (now as f64 - before as f64) / COUNTS * TAU * WHEEL_RADIUS
+        };
+        let left = way(counts.0, self.counts.0);
+        let right = way(counts.1, self.counts.1);
+        let turn = (right - left) / TRACK;
+        let way = 0.5 * (left + right);
+        // The chord of the arc: sin(x) / x of the half angle.
+        let half = 0.5 * turn;
+        let chord = if half.abs() < 1e-9 {
+            way
+        } else {
+            way * half.sin() / half
+        };
+        let step = Pose2::new(chord * half.cos(), chord * half.sin(), turn);
+        self.pose = self.pose.compose(&step);
+        self.counts = counts;
+    }
+}
+
+/// Reads the text of a log.
+///
+/// # Errors
+///
+/// [`LogError`].
+pub(super) fn parse(name: &str, text: &str, options: &LogOptions) -> Result<ScanLog, LogError> {
+    let max_range = options.max_range.unwrap_or(MAX_RANGE);
+    let mut scans: Vec<LoggedScan> = Vec::new();
+    let mut odometer: Option<Odometer> = None;
+    let mut clock = Clock::default();
+    for (index, content) in text.lines().enumerate() {
+        let line = index + 1;
+        let fields: Vec<&str> = content.split_ascii_whitespace().collect();
+        if fields.is_empty() || fields[0].starts_with('#') {
+            continue;
+        }
+        let fail = |problem| LogError::new(name, Some(line), problem);
+        if fields.len() < HEADER {
+            return Err(fail(LogProblem::CutShort {
+                found: fields.len(),
+                expected: HEADER + 1,
+                what: "the time, two wheel counts in fields 3 and 4, ranges from field 25 on"
+                    .into(),
+            }));
+        }
+        let beams = fields.len() - HEADER;
+        if beams == 0 {
+            return Err(fail(LogProblem::NoBeams));
+        }
+        if beams > MOST_BEAMS {
+            return Err(fail(LogProblem::TooManyBeams { found: beams }));
+        }
+        if let Some(first) = scans.first()
+            && first.scan.ranges.len() != beams
+        {
+            return Err(fail(LogProblem::RangeCount {
+                found: beams,
+                expected: first.scan.ranges.len(),
+                first_line: first.line,
+            }));
+        }
+        let integer = |at: usize, expected: &'static str| {
+            fields[at].parse::<i64>().map_err(|_| {
+                fail(LogProblem::Field {
+                    field: at + 1,
+                    found: shorten(fields[at]),
+                    expected,
+                })
+            })
+        };
+        let start = integer(0, "a time in whole microseconds")? as f64 * 1e-6;
+        clock.advance(name, line, start)?;
+        let wheel = "a whole number of wheel counts";
+        let counts = (integer(2, wheel)?, integer(3, wheel)?);
+        match &mut odometer {
+            Some(odometer) => odometer.advance(counts),
+            None => {
+                odometer = Some(Odometer {
+                    counts,
+                    pose: Pose2::new(0.0, 0.0, 0.0),
+                });
+            }
+        }
+        // A line this short is of some other device.
+        let unused = if beams > 4 * UNUSED { UNUSED } else { 0 };
+        let mut ranges = Vec::with_capacity(beams);
+        for beam in 0..beams {
+            let at = HEADER + beam;
+            let millimetres = integer(at, "a range in whole millimetres, 0 or more")?;
+            ranges.push(match millimetres {
+                ..0 => {
+                    return Err(fail(LogProblem::Field {
+                        field: at + 1,
+                        found: shorten(fields[at]),
+                        expected: "a range in whole millimetres, 0 or more",
+                    }));
+                }
+                _ if beam < unused || beam + unused >= beams => f64::NAN,
+                0 => f64::INFINITY,
+                some => some as f64 * 1e-3,
+            });
+        }
+        let angle_step = TAU / BEAMS_PER_TURN;
+        scans.push(LoggedScan {
+            line,
+            time: start,
+            scan: LaserScan {
+                angle_min: -0.5 * angle_step * (beams - 1) as f64,
+                angle_step,
+                ranges,
+                ..LaserScan::default()
+            },
+            pose: odometer.map_or(Pose2::new(0.0, 0.0, 0.0), |odometer| odometer.pose),
+        });
+    }
+    let mut laser = level_laser(max_range, LASER_AHEAD);
+    laser.rate = 10.0;
+    if let Some(first) = scans.first() {
+        laser.beams = first.scan.ranges.len() as u32;
+    }
+    Ok(ScanLog {
+        format: LogFormat::Breezy,
+        laser,
+        scans,
+        skipped: BTreeMap::new(),
+        odometry_lines: 0,
+    })
+}

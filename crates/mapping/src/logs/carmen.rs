@@ -1,0 +1,209 @@
+//! CARMEN's text logs: one message a line, its kind first.
+//!
+//! ```text
+//! FLASER n r1 … rn x y theta odom_x odom_y odom_theta ipc_time host logger_time
+//! ODOM x y theta tv rv accel ipc_time host logger_time
+//! ```
+//!
+//! Metres, radians, seconds. `FLASER` is a scan of the laser that looks ahead, over 180° but for the 401 ranges of a quarter of a
+//! degree each. The pose used is `odom_x odom_y odom_theta`, the robot's odometry; the other one is whatever the program that wrote the log
+//! made of it. The laser is taken to sit where the odometry is. `ODOM` is checked and counted. All other kinds, and comments, are passed over
+//! and counted.
+//!
+//! A range at or above the largest is a missing return.
+
+use std::collections::BTreeMap;
+
+use bikebot_dynamics::LaserScan;
+use bikebot_geometry::Pose2;
+
+use super::error::shorten;
+use super::{Clock, LogError, LogFormat, LogOptions, LogProblem, LoggedScan, ScanLog, level_laser};
+
+/// Ranges from this on are missing returns, m, unless told otherwise: SICK's lasers say 81.83 m.
+const MAX_RANGE: f64 = 80.0;
+/// Most ranges a line may hold.
+const MOST_BEAMS: usize = 100_000;
+/// Largest coordinate of a pose, m.
+const FARTHEST: f64 = 1e6;
+/// Most kinds of other lines that are told apart.
+const MOST_KINDS: usize = 64;
+
+/// The fields of a line, from which numbers are read.
+struct Line<'a> {
+    name: &'a str,
+    number: usize,
+    fields: Vec<&'a str>,
+}
+
+impl Line<'_> {
+    fn fail(&self, problem: LogProblem) -> LogError {
+        LogError::new(self.name, Some(self.number), problem)
+    }
+
+    fn need(&self, expected: usize, what: &str) -> Result<(), LogError> {
+        let found = self.fields.len();
+        if found < expected {
+            return Err(self.fail(LogProblem::CutShort {
+                found,
+                expected,
+                what: what.to_owned(),
+            }));
+        }
+        Ok(())
+    }
+
+    fn field(&self, at: usize, expected: &'static str) -> LogError {
+        self.fail(LogProblem::Field {
+            field: at + 1,
+            found: shorten(self.fields[at]),
+            expected,
+        })
+    }
+
+    fn number(
+        &self,
+        at: usize,
+        expected: &'static str,
+        is_good: impl Fn(f64) -> bool,
+    ) -> Result<f64, LogError> {
+        match self.fields[at].parse::<f64>() {
+            Ok(value) if is_good(value) => Ok(value),
+            _ => Err(self.field(at, expected)),
+        }
+    }
+
+    /// Three fields: a pose.
+    fn pose(&self, at: usize) -> Result<Pose2, LogError> {
+        let coordinate =
+            |at| self.number(at, "a coordinate within ±1e6 m", |v| v.abs() <= FARTHEST);
+        let heading = self.number(at + 2, "a finite angle in rad", f64::is_finite)?;
+        Ok(Pose2::new(coordinate(at)?, coordinate(at + 1)?, heading))
+    }
+
+    fn time(&self, at: usize) -> Result<f64, LogError> {
+        self.number(at, "a finite time in s", f64::is_finite)
+    }
+}
+
+/// First angle and step of a scan of so many ranges, rad.
+fn angles(beams: usize) -> (f64, f64) {
+    let degrees = match beams {
+        1 => return (0.0, 0.0),
+        180 | 181 => 1.0,
+        360 | 361 => 0.5,
+        401 => return (-50_f64.to_radians(), 0.25_f64.to_radians()),
+        _ => 180.0 / (beams - 1) as f64,
+    };
+    (-90_f64.to_radians(), degrees.to_radians())
+}
+
+/// Reads the text of a log.
+///
+/// # Errors
+///
+/// [`LogError`].
+pub(super) fn parse(name: &str, text: &str, options: &LogOptions) -> Result<ScanLog, LogError> {
+    let max_range = options.max_range.unwrap_or(MAX_RANGE);
+    let mut scans = Vec::new();
+    let mut skipped = BTreeMap::new();
+    let mut odometry_lines = 0;
+    let (mut scan_clock, mut odometry_clock) = (Clock::default(), Clock::default());
+    for (index, content) in text.lines().enumerate() {
+        let fields: Vec<&str> = content.split_ascii_whitespace().collect();
+        let Some(kind) = fields.first().copied() else {
+            continue;
+        };
+        let line = Line {
+            name,
+            number: index + 1,
+            fields,
+        };
+        match kind {
+            "FLASER" => {
+                let logged = scan(&line)?;
+                scan_clock.advance(name, line.number, logged.time)?;
+                scans.push(logged);
+            }
+            "ODOM" => {
+                line.need(10, "ODOM x y theta tv rv accel ipc_time host logger_time")?;
+                line.pose(1)?;
+                odometry_clock.advance(name, line.number, line.time(7)?)?;
+                odometry_lines += 1;
+            }
+            other => {
+                let kind = if other.starts_with('#') { "#" } else { other };
+                let kind = shorten(kind);
+                // A file of noise must not fill the memory with kinds.
+                let kind = if skipped.len() < MOST_KINDS || skipped.contains_key(&kind) {
+                    kind
+                } else {
+                    "…".to_owned()
+                };
+                *skipped.entry(kind).or_insert(0) += 1;
+            }
+        }
+    }
+    let mut laser = level_laser(max_range, 0.0);
+    let beams = scans.iter().map(|logged| logged.scan.ranges.len()).max();
+    laser.beams = beams.unwrap_or(1) as u32;
+    Ok(ScanLog {
+        format: LogFormat::Carmen,
+        laser,
+        scans,
+        skipped,
+        odometry_lines,
+    })
+}
+
+/// A line `FLASER`.
+fn scan(line: &Line<'_>) -> Result<LoggedScan, LogError> {
+    const WHAT: &str =
+        "FLASER n r1 … rn x y theta odom_x odom_y odom_theta ipc_time host logger_time";
+    line.need(2, WHAT)?;
+    let beams: usize = line.fields[1]
+        .parse()
+        .map_err(|_| line.field(1, "the number of ranges that follow"))?;
+    if beams == 0 {
+        return Err(line.fail(LogProblem::NoBeams));
+    }
+    if beams > MOST_BEAMS {
+        return Err(line.fail(LogProblem::TooManyBeams { found: beams }));
+    }
+    let expected = 2 + beams + 9;
+    line.need(
+        expected,
+        &format!(
+            "FLASER, {beams}, so many ranges, two poses of three numbers, a time, a host and a time"
+        ),
+    )?;
+    if line.fields.len() > expected {
+        // One range too many would be read as a coordinate.
+        return Err(line.fail(LogProblem::TooManyFields {
+            found: line.fields.len(),
+            expected,
+            beams,
+        }));
+    }
+    let ranges = (2..2 + beams)
+        .map(|at| {
+            let is_range = |v: f64| v >= 0.0;
+            line.number(at, "a range in m, 0 or more", is_range)
+        })
+        .collect::<Result<Vec<f64>, _>>()?;
+    line.pose(2 + beams)?;
+    let pose = line.pose(2 + beams + 3)?;
+    let time = line.time(2 + beams + 6)?;
+    let (angle_min, angle_step) = angles(beams);
+    Ok(LoggedScan {
+        line: line.number,
+        time,
+        scan: LaserScan {
+            angle_min,
+            angle_step,
+            ranges,
+            ..LaserScan::default()
+        },
+        pose,
+    })
+}
