@@ -276,6 +276,17 @@ impl FergusonCurve {
             .sqrt()
     }
 
+    /// A lower bound of |dP/dT| on the whole curve, m per unit of `T`, from the Bernstein coefficients of its square; 0 where they
+    /// cannot exclude a standstill.
+    #[must_use]
+    pub fn least_speed_bound(&self) -> f64 {
+        minimum(&squared_norm_coefficients(
+            &self.hodograph().control(0.0, 1.0),
+        ))
+        .max(0.0)
+        .sqrt()
+    }
+
     /// An upper bound of |dθ/dT| = |N|/D for `T` in `[t0, t1]`, rad per unit of `T`.
     ///
     /// Infinite where the bounds cannot exclude a standstill; a narrower interval may.

@@ -487,12 +487,12 @@ fn polyline(path: Vec<Point2>) -> (End, Option<PlannedPath>) {
 }
 
 /// How closely the least clearance of a path is found: to a tenth of δ, 2 mm on the yard, or a twentieth of itself. On a long way round many
-/// obstacles every further millimetre costs hundreds of questions. Once the time is up there is none for them: half a millisecond's worth is asked.
+/// obstacles every further millimetre costs hundreds of questions. Once the time is up there is none for them: a quarter of a millisecond's worth is asked.
 pub(crate) fn clearance_tolerance(params: &PlannerParams, cut_short: bool) -> Tolerance {
     Tolerance {
         absolute: 0.1 * params.clearance_resolution(),
         relative: 0.05,
-        questions: if cut_short { 300 } else { MAX_QUERIES },
+        questions: if cut_short { 150 } else { MAX_QUERIES },
     }
 }
 

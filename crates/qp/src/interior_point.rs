@@ -156,6 +156,11 @@ impl InteriorPoint {
         if !program.is_convex(factor) {
             return (Status::NumericalError(Breakdown::NotPositiveDefinite), 0);
         }
+        // Each of these factorises once: on long problems that is worth a question.
+        if !go_on() {
+            program.place_fixed(&mut self.x);
+            return (Status::MaxIterations, 0);
+        }
         self.start(program, factor, warm);
 
         let mut iteration = 0;

@@ -14,24 +14,27 @@ pub(crate) enum Fault {
     Backward,
 }
 
-/// What is wrong with each of `curves` that has a fault, in their order; nothing means the curve is certified.
+/// After so many curves it is asked whether to go on.
+const ASKED_EVERY: usize = 64;
+
+/// What is wrong with each of `curves` that has a fault, in their order; nothing means the curve is certified. `None` if `go_on` says no
+/// on the way.
 pub(crate) fn faults(
     curves: &[FergusonCurve],
     max_curvature: f64,
     checker: &MotionChecker<'_>,
-) -> Vec<(usize, Fault)> {
-    curves
-        .iter()
-        .enumerate()
-        .filter_map(|(i, curve)| {
-            let fault = if !(curve.is_finite() && curve.is_within_curvature(max_curvature)) {
-                Fault::Tight
-            } else if !checker.is_curve_free(curve) {
-                Fault::Blocked
-            } else {
-                return None;
-            };
-            Some((i, fault))
-        })
-        .collect()
+    go_on: &dyn Fn() -> bool,
+) -> Option<Vec<(usize, Fault)>> {
+    let mut faults = Vec::new();
+    for (i, curve) in curves.iter().enumerate() {
+        if i % ASKED_EVERY == ASKED_EVERY - 1 && !go_on() {
+            return None;
+        }
+        if !(curve.is_finite() && curve.is_within_curvature(max_curvature)) {
+            faults.push((i, Fault::Tight));
+        } else if !checker.is_curve_free(curve) {
+            faults.push((i, Fault::Blocked));
+        }
+    }
+    Some(faults)
 }

@@ -11,6 +11,9 @@ use bikebot_world::{FootprintDisc, World};
 /// Samples per segment.
 pub(crate) const SAMPLES: usize = 8;
 
+/// After so many segments it is asked whether to go on.
+const ASKED_EVERY: usize = 64;
+
 /// Golden-section steps: they narrow a quarter of a segment to 1/190 of one.
 const GOLDEN_STEPS: u32 = 8;
 
@@ -42,14 +45,15 @@ pub(crate) struct Survey {
 }
 
 impl Survey {
-    /// Measures `spline`; clearance matters up to `reach` (m).
+    /// Measures `spline`; clearance matters up to `reach` (m). `None` if `go_on` says no on the way.
     pub fn of(
         spline: &Spline,
         curves: &[FergusonCurve],
         discs: &[FootprintDisc],
         world: &World,
         reach: f64,
-    ) -> Self {
+        go_on: &dyn Fn() -> bool,
+    ) -> Option<Self> {
         let segments = spline.segments();
         let mut survey = Self {
             length: 0.0,
@@ -73,13 +77,12 @@ impl Survey {
                 disc,
                 world,
             };
-            let samples = probe.samples(curves, reach);
-            survey
-                .least
-                .push(probe.minima(k, &samples, reach, &mut survey.minima));
+            let samples = probe.samples(curves, reach, go_on)?;
+            let least = probe.minima(k, &samples, reach, &mut survey.minima, go_on)?;
+            survey.least.push(least);
             survey.clearance.push(samples);
         }
-        survey
+        Some(survey)
     }
 }
 
@@ -100,11 +103,19 @@ impl Probe<'_> {
             - self.disc.radius
     }
 
-    fn samples(&self, curves: &[FergusonCurve], reach: f64) -> Vec<f64> {
+    fn samples(
+        &self,
+        curves: &[FergusonCurve],
+        reach: f64,
+        go_on: &dyn Fn() -> bool,
+    ) -> Option<Vec<f64>> {
         let segments = curves.len();
         let mut samples = vec![f64::INFINITY; SAMPLES * segments + 1];
         let step = 1.0 / SAMPLES as f64;
         for (i, curve) in curves.iter().enumerate() {
+            if i % ASKED_EVERY == ASKED_EVERY - 1 && !go_on() {
+                return None;
+            }
             // The disc's centre swings by no more than its distance from the reference point times the turn, and never by more
             // than twice that distance.
             let swing = match self.disc.offset.hypot(self.disc.lateral) {
@@ -129,7 +140,7 @@ impl Probe<'_> {
                 };
             }
         }
-        samples
+        Some(samples)
     }
 
     /// Appends the refined local minima of disc `index` and returns the least clearance of each segment.
@@ -139,7 +150,8 @@ impl Probe<'_> {
         samples: &[f64],
         reach: f64,
         minima: &mut Vec<Minimum>,
-    ) -> Vec<f64> {
+        go_on: &dyn Fn() -> bool,
+    ) -> Option<Vec<f64>> {
         let segments = self.spline.segments();
         let last = samples.len() - 1;
         let mut least: Vec<f64> = (0..segments)
@@ -151,6 +163,9 @@ impl Probe<'_> {
             })
             .collect();
         for j in 1..last {
+            if j % (SAMPLES * ASKED_EVERY) == 0 && !go_on() {
+                return None;
+            }
             let c = samples[j];
             if !(c < reach && c <= samples[j - 1] && c < samples[j + 1]) {
                 continue;
@@ -166,7 +181,7 @@ impl Probe<'_> {
                 clearance,
             });
         }
-        least
+        Some(least)
     }
 
     /// The least clearance between two parameters, if there is one minimum between them.
