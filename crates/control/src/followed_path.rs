@@ -21,7 +21,7 @@ use bikebot_geometry::{CurvePath, Point2, Pose2, Vector2, angle};
 use crate::authority::Authority;
 use crate::error::ControlError;
 use crate::params::{FollowParams, Track};
-use crate::plan_table::{Beyond, PlanSample, tabulate};
+use crate::plan_table::{Beyond, HeadingAlong, PlanSample, tabulate};
 use crate::profile::{corner_speed, moving_average, speed_profile};
 use crate::ramps::{blend, ramp_weights};
 
@@ -150,9 +150,7 @@ impl FollowedPath {
             Track::RearContact => rear_curve(path, params, limits, (ahead, lateral), entry)?,
         };
         let Curve {
-            positions,
-            headings,
-            curvatures,
+            mut samples,
             speed_limits,
             rear,
             step,
@@ -167,20 +165,13 @@ impl FollowedPath {
             (entry_speed, params.end_speed),
             params.longitudinal_acceleration,
         );
-        let n = positions.len();
-        let samples: Vec<PathSample> = (0..n)
-            .map(|i| {
-                let (before, after) = (i.saturating_sub(1), (i + 1).min(n - 1));
-                PathSample {
-                    position: positions[i],
-                    heading: headings[i],
-                    curvature: curvatures[i],
-                    speed: speeds[i],
-                    speed_slope: (speeds[after] - speeds[before])
-                        / (step * (after - before) as f64),
-                }
-            })
-            .collect();
+        let n = samples.len();
+        for (i, sample) in samples.iter_mut().enumerate() {
+            let (before, after) = (i.saturating_sub(1), (i + 1).min(n - 1));
+            sample.speed = speeds[i];
+            sample.speed_slope =
+                (speeds[after] - speeds[before]) / (step * (after - before) as f64);
+        }
         let finite =
             |p: &PathSample| p.position.coords.iter().all(|c| c.is_finite()) && p.speed.is_finite();
         if let Some(i) = samples.iter().position(|p| !finite(p)) {
@@ -461,9 +452,8 @@ impl FollowedPath {
 
 /// The table before the profile.
 struct Curve {
-    positions: Vec<Point2>,
-    headings: Vec<f64>,
-    curvatures: Vec<f64>,
+    /// Without speeds.
+    samples: Vec<PathSample>,
     speed_limits: Vec<f64>,
     /// Arc length of the rear contact on the plan, m.
     rear: Vec<f64>,
@@ -536,20 +526,28 @@ fn own_point_curve(
     let window = odd_count(params.curvature_window, step);
     // A plan that can be ridden as it stands is fed forward as it is.
     let stands = !unrideable(&samples, step, params, limits).contains(&true);
+    let speed_limits = curvatures
+        .iter()
+        .map(|k| corner_speed(*k, lateral, params.max_speed))
+        .collect();
+    let fed_forward = if stands {
+        curvatures
+    } else {
+        moving_average(&curvatures, window)
+    };
     Curve {
-        positions: samples.iter().map(|p| p.position).collect(),
-        headings,
+        samples: (0..=n)
+            .map(|i| PathSample {
+                position: samples[i].position,
+                heading: headings[i],
+                curvature: fed_forward[i],
+                speed: 0.0,
+                speed_slope: 0.0,
+            })
+            .collect(),
         // The rear contact cuts corners; along the way it is the look-ahead behind.
         rear: (0..=n).map(|i| i as f64 * step - ahead).collect(),
-        speed_limits: curvatures
-            .iter()
-            .map(|k| corner_speed(*k, lateral, params.max_speed))
-            .collect(),
-        curvatures: if stands {
-            curvatures
-        } else {
-            moving_average(&curvatures, window)
-        },
+        speed_limits,
         step,
     }
 }
@@ -596,6 +594,7 @@ fn rear_curve(
     })?;
 
     // Own point and the greatest speed there, for each place of the rear contact.
+    let mut own = HeadingAlong::default();
     let trace: Vec<TraceSample> = (pad..=pad + n)
         .map(|i| {
             let (heading, curvature) = (rear.headings[i], rear.curvatures[i]);
@@ -607,11 +606,12 @@ fn rear_curve(
             let steering =
                 stretch * params.steer_rate_share * limits.steer_rate / steer_slope.max(1e-9);
             let planned_curvature = planned[i].curvature.abs().max(curvature.abs());
+            // t + ell kappa n, of length one.
+            let tangent = (along + Vector2::new(-along.y, along.x) * (ahead * curvature)) / stretch;
             TraceSample {
                 position: Point2::new(xs[i], ys[i]) + along * ahead,
-                heading: heading + (ahead * curvature).atan(),
-                // The tangent t + ell kappa n, of length one.
-                tangent: (along + Vector2::new(-along.y, along.x) * (ahead * curvature)) / stretch,
+                heading: own.next(tangent, || heading + (ahead * curvature).atan()),
+                tangent,
                 speed_limit: corner_speed(planned_curvature, lateral, params.max_speed)
                     .min(steering),
             }
@@ -648,16 +648,17 @@ impl RearPath {
         };
         let mut headings = Vec::with_capacity(planned.len());
         let mut tangents = Vec::with_capacity(planned.len());
-        let mut lengths = Vec::with_capacity(planned.len());
+        let mut lengths = vec![1.0; planned.len()];
         for (i, plan) in planned.iter().enumerate() {
             let (before, after) = around(i);
             let chord = Vector2::new(xs[after] - xs[before], ys[after] - ys[before]);
-            let length = chord.norm();
-            if length.is_nan() || length <= 0.1 * h {
+            let squared = chord.norm_squared();
+            if squared.is_nan() || squared <= 0.01 * h * h {
                 return Err(i);
             }
-            lengths.push(length);
             if averaged(i) {
+                let length = squared.sqrt();
+                lengths[i] = length;
                 headings.push(chord.y.atan2(chord.x));
                 tangents.push(chord / length);
             } else {
@@ -719,9 +720,7 @@ fn evenly_spaced(trace: &[TraceSample], h: f64) -> Curve {
     let total = arc[last];
     let (count, step) = divide(total);
     let mut curve = Curve {
-        positions: Vec::with_capacity(count + 1),
-        headings: Vec::with_capacity(count + 1),
-        curvatures: Vec::with_capacity(count + 1),
+        samples: Vec::with_capacity(count + 1),
         speed_limits: Vec::with_capacity(count + 1),
         rear: Vec::with_capacity(count + 1),
         step,
@@ -740,9 +739,13 @@ fn evenly_spaced(trace: &[TraceSample], h: f64) -> Curve {
             0.0
         };
         let mix = |from: f64, to: f64| from + t * (to - from);
-        curve.positions.push(between(a, b, span, t));
-        curve.headings.push(mix(a.heading, b.heading));
-        curve.curvatures.push(mix(bend[k], bend[k + 1]));
+        curve.samples.push(PathSample {
+            position: between(a, b, span, t),
+            heading: mix(a.heading, b.heading),
+            curvature: mix(bend[k], bend[k + 1]),
+            speed: 0.0,
+            speed_slope: 0.0,
+        });
         curve.speed_limits.push(a.speed_limit.min(b.speed_limit));
         curve.rear.push((k as f64 + t) * h);
     }

@@ -41,11 +41,15 @@ pub fn spread_minimum(values: &[f64], reach: usize) -> Vec<f64> {
 /// with `step` m between samples.
 pub fn limit_acceleration(speeds: &mut [f64], acceleration: f64, step: f64) {
     let gain = 2.0 * acceleration * step;
-    for i in 1..speeds.len() {
-        speeds[i] = speeds[i].min((speeds[i - 1] * speeds[i - 1] + gain).sqrt());
+    let mut squares: Vec<f64> = speeds.iter().map(|v| v * v).collect();
+    for i in 1..squares.len() {
+        squares[i] = squares[i].min(squares[i - 1] + gain);
     }
-    for i in (1..speeds.len()).rev() {
-        speeds[i - 1] = speeds[i - 1].min((speeds[i] * speeds[i] + gain).sqrt());
+    for i in (1..squares.len()).rev() {
+        squares[i - 1] = squares[i - 1].min(squares[i] + gain);
+    }
+    for (speed, square) in speeds.iter_mut().zip(squares) {
+        *speed = square.sqrt();
     }
 }
 
@@ -56,9 +60,19 @@ pub fn moving_average(values: &[f64], window: usize) -> Vec<f64> {
     if n == 0 || window < 2 {
         return values.to_vec();
     }
+    /// A running sum is taken anew after this many samples, so that rounding does not add up.
+    const ANEW: usize = 256;
     let at = |i: usize| values[i.saturating_sub(half).min(n - 1)];
+    let mut sum = 0.0;
     (0..n)
-        .map(|i| (i..i + window).map(at).sum::<f64>() / window as f64)
+        .map(|i| {
+            if i % ANEW == 0 {
+                sum = (i..i + window).map(at).sum::<f64>();
+            } else {
+                sum += at(i + window - 1) - at(i - 1);
+            }
+            sum / window as f64
+        })
         .collect()
 }
 

@@ -6,6 +6,9 @@
 /// zero over the `fading` samples beyond, with two continuous derivatives.
 #[must_use]
 pub fn ramp_weights(marked: &[bool], reach: usize, fading: usize) -> Vec<f64> {
+    if !marked.contains(&true) {
+        return vec![0.0; marked.len()];
+    }
     let share = |far: usize| {
         let beyond = far.saturating_sub(reach) as f64 / fading.max(1) as f64;
         let u = (1.0 - beyond).clamp(0.0, 1.0);

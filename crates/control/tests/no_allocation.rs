@@ -100,13 +100,21 @@ fn ride_from_start_to_hold(law: BalanceLawKind, follower: FollowController) {
         .unwrap();
     let plant = Bike::new(bike);
     let mut ticks = 0;
-    let (mut phases, mut steer_rate) = ([false; 4], 0.0);
-    for tick in 0..4000 {
+    let (mut phases, mut steer_rate, mut waited) = ([false; 4], 0.0, false);
+    for tick in 0..6000 {
         let m = Measurement::ideal(&state, steer_rate);
         let before = allocations();
+        // A stop on the way, and the way on.
+        match tick {
+            100 => controller.set_stop(Some(3.0)),
+            200 => controller.set_speed_cap(Some(0.8)),
+            2500 => controller.set_stop(None),
+            _ => {}
+        }
         let out = controller.tick(&m).unwrap();
         ticks += allocations() - before;
         phases[out.phase as usize] = true;
+        waited |= out.waiting;
         steer_rate = out.command.steer_rate;
         let input = BikeInput {
             drive_force: out.command.drive_force,
@@ -118,10 +126,11 @@ fn ride_from_start_to_hold(law: BalanceLawKind, follower: FollowController) {
         for _ in 0..2 {
             state = Rk4.step(&plant, 0.005 * f64::from(tick), &state, &input, 0.0025);
         }
-        if out.at_rest {
+        if out.at_rest && out.arrived {
             break;
         }
     }
+    assert!(waited, "{follower:?}");
     assert_eq!(
         phases, [true; 4],
         "{follower:?}: not every phase was ridden"

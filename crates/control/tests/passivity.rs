@@ -3,7 +3,8 @@
 mod common;
 
 use bikebot_dynamics::BalancerMode;
-use common::{Report, Ride, demo_course, slalom};
+use common::stepper::{Stepper, noisy, straight_then_arc};
+use common::{CONTROL_PERIOD, Report, Ride, demo_course, slalom};
 
 const WEIGHT: f64 = 50.0 * 9.81;
 
@@ -75,4 +76,70 @@ fn a_climb_that_nothing_compensates_empties_the_tank_and_stops_the_bike_in_order
     let fed = fed.run(&demo_course());
     // The regulator alone makes up energy without end, and gets there.
     assert!(fed.end_error < 0.1 && got.end_error > 1.0, "{fed:#?}");
+}
+
+#[test]
+fn stops_and_new_paths_on_the_way_make_no_energy() {
+    // Short at first, so that the longer path is ridden faster and brings its field's energy along.
+    let (short, long) = (
+        straight_then_arc(2.5, 0.3, 1.0),
+        straight_then_arc(2.5, 0.3, 12.0),
+    );
+    for mode in [BalancerMode::Flywheel, BalancerMode::Balancer] {
+        for slope in [-0.05, 0.05] {
+            // On the climb with noise, whose own kinetic energy at rest is worth half a joule.
+            let mut ride = ride(mode, slope);
+            let allowance = if slope > 0.0 {
+                ride.sensors = noisy();
+                0.6
+            } else {
+                1e-3
+            };
+            let mut bike = Stepper::new(&ride, &short);
+            let (mut tick, mut supplied, mut granted, mut given_up) = (0, 0.0, 0.0, 0.0);
+            let mut first = None;
+            let mut last = 0.0;
+            let mut is_running = false;
+            let mut waits = 0;
+            let arrived = bike.until(90.0, |bike, out| {
+                match tick {
+                    400 => bike
+                        .controller
+                        .replace_path(&long, bike.controller.rear_arc_length())
+                        .unwrap(),
+                    800 => bike.controller.set_stop(Some(7.0)),
+                    3200 => bike.controller.set_stop(Some(10.0)),
+                    6400 => bike.controller.set_stop(None),
+                    _ => {}
+                }
+                tick += 1;
+                let energy = out.energy.unwrap();
+                let total = energy.stored + energy.tank;
+                first.get_or_insert(total);
+                supplied += energy.supplied_power * CONTROL_PERIOD;
+                granted += energy.granted;
+                given_up += energy.given_up;
+                if is_running && out.waiting {
+                    waits += 1;
+                }
+                // Setting off again fills the flywheel from the tank: never more than there was.
+                if !is_running && !out.waiting && tick > 1 {
+                    assert!(total <= last + allowance, "{mode:?}: {total} after {last}");
+                }
+                is_running = !out.waiting;
+                last = total;
+                out.arrived
+            });
+            assert!(arrived && !bike.fell, "{mode:?} {slope}");
+            assert_eq!(bike.violations, 0, "{mode:?} {slope}");
+            assert_eq!(waits, 2, "{mode:?} {slope}");
+            assert!(granted > 1.0, "{granted}");
+            // The whole ride: what is there now came from somewhere.
+            let made = last - first.unwrap() - supplied - granted;
+            assert!(
+                made < 2.0 * allowance,
+                "{mode:?} {slope}: {made} J, {given_up} J given up"
+            );
+        }
+    }
 }

@@ -5,7 +5,7 @@ mod common;
 use bikebot_control::{FollowController, Phase};
 use bikebot_dynamics::BalancerMode;
 use common::stepper::{Stepper, noisy, straight_then_arc};
-use common::{Ride, demo_course};
+use common::{Ride, demo_course, slalom};
 
 const MODES: [BalancerMode; 2] = [BalancerMode::Flywheel, BalancerMode::Balancer];
 const WEIGHT: f64 = 50.0 * 9.81;
@@ -302,4 +302,54 @@ fn keeps_to_a_greatest_speed_and_comes_back_from_it_gently() {
         assert!(bike.state.speed > 1.4 && hardest < 0.45, "{hardest}");
         assert_eq!(bike.violations, 0);
     }
+}
+
+#[test]
+fn a_line_may_appear_anywhere_at_any_moment() {
+    use rand::{Rng, SeedableRng};
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let mut uniform =
+        |a: f64, b: f64| a + (b - a) * ((rng.next_u64() >> 11) as f64 * (0.5f64).powi(53));
+    let controllers = [
+        FollowController::Pvfc,
+        FollowController::PurePursuit,
+        FollowController::Stanley,
+        FollowController::Lqr,
+    ];
+    let mut beyond = [f64::NEG_INFINITY; 2];
+    for i in 0..96 {
+        let mut ride = Ride::new(MODES[i % 2]);
+        ride.follow.controller = controllers[i / 2 % 4];
+        ride.slope_force = WEIGHT * uniform(-0.05, 0.05);
+        ride.sensors = noisy();
+        ride.speed = 0.0;
+        let path = if i % 3 == 0 { slalom() } else { demo_course() };
+        let mut bike = Stepper::new(&ride, &path);
+        let mut s = 0.0;
+        bike.until(uniform(0.5, 9.0), |bike, _| {
+            s = bike.rear_on(&path, s);
+            false
+        });
+        let is_emergency = i % 2 == i / 8 % 2;
+        let speed = bike.state.speed;
+        let controller = &mut bike.controller;
+        let line = s + if is_emergency {
+            // First one that is far enough away, then it comes nearer.
+            controller.set_stop(Some(s + 3.0));
+            controller.least_stopping_distance(speed)
+        } else {
+            controller.stopping_distance(speed)
+        };
+        controller.set_stop(Some(line));
+        bike.until(10.0, |bike, _| {
+            s = bike.rear_on(&path, s);
+            beyond[usize::from(is_emergency)] = beyond[usize::from(is_emergency)].max(s - line);
+            false
+        });
+        let what = format!("{i}: {:?} {:?}", ride.mode, ride.follow.controller);
+        let out = bike.tick();
+        assert!(out.waiting || out.arrived, "{what}: {s} of {line}");
+        assert!(!bike.fell && bike.violations == 0, "{what}");
+    }
+    assert!(beyond[0] <= 0.0 && beyond[1] <= 0.0, "{beyond:?}");
 }
