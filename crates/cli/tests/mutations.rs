@@ -236,12 +236,13 @@ fn maps() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-const SCENARIOS: [&str; 5] = [
+const SCENARIOS: [&str; 6] = [
     include_str!("../templates/scenario.toml"),
     "format = 1\nname = \"file\"\n[map]\nfile = \"yard.yaml\"\nscale = 10.0\n[start]\nx_m = 4\ny_m = 4\n[goal]\nx_m = 20\ny_m = 15\n",
     "format = 1\nname = \"scene\"\nmap.file = \"yard.json\"\nplanner.footprint = \"capsule:1.8x0.6\"\n[laser]\nenabled = true\n[noise]\n",
     "format = 1\nname = \"path\"\n[path]\nwaypoints = [[1.0, 1.0, 0.0], [4.8, 2.2, 55.0], [8, 8, 90]]\ntangent_per_chord = 1.2\n[plant.bike]\nm1_kg = 48\n[[bike.mode_change]]\ntime_s = 2\nmode = \"balancer\"\nduration_s = 3\n",
     "format = 1\nname = \"course\"\nmap = { bounds_m = [0, 0, 30, 30], disc = [{ center_m = [5, 5], radius_m = 1 }] }\n[path]\nfile = \"track.csv\"\n[expect]\noutcome = \"timed_out\"\nroll_max_deg = 30\n",
+    "format = 1\nname = \"traffic\"\nmap = { bounds_m = [0, 0, 30, 30] }\nstart = { x_m = 3, y_m = 3, heading_deg = 20 }\ngoal = { x_m = 25, y_m = 25 }\n[laser]\nmount_pitch_deg = 5\nlatency_s = 0.1\n[[obstacle]]\nshape = \"disc:0.3\"\nwaypoints_m = [[9, 1], [9, 20], [4, 7]]\nrepeat = \"loop\"\n[[obstacle]]\nshape = \"box:1.0x0.6\"\nwaypoints_m = [[8, 8]]\nheading_deg = 30\n[[obstacle]]\nshape = \"polygon:0,0;2,0;1,1\"\nwaypoints_m = [[20, 8]]\nappear_s = 3\ndisappear_s = 9\nheight_m = 1\n",
 ];
 
 const TRACK: &str = "# x_m,y_m\n0,0\n1,0\n2,0.5\n3,1\n4,1\n";
