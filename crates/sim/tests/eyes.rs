@@ -334,7 +334,8 @@ waypoints_m = [[3, 8]]
             let standing = map.0.cast(&ray, time, limit);
             moving += usize::from(b < standing);
             // A beam along a rim may fall either way.
-            differing += usize::from(a != b && !((a - b).abs() < 1e-6));
+            let same = a == b || (a - b).abs() < 1e-6;
+            differing += usize::from(!same);
         }
     }
     assert!(moving > 300, "{moving}");
