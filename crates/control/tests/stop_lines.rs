@@ -353,3 +353,50 @@ fn a_line_may_appear_anywhere_at_any_moment() {
     }
     assert!(beyond[0] <= 0.0 && beyond[1] <= 0.0, "{beyond:?}");
 }
+
+#[test]
+fn lines_that_come_and_go_do_not_upset_the_bike() {
+    use rand::{Rng, SeedableRng};
+    for seed in 0..24 {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(100 + seed);
+        let mut uniform =
+            move |a: f64, b: f64| a + (b - a) * ((rng.next_u64() >> 11) as f64 * (0.5f64).powi(53));
+        let mut ride = Ride::new(MODES[seed as usize % 2]);
+        ride.follow.controller = [
+            FollowController::Pvfc,
+            FollowController::PurePursuit,
+            FollowController::Stanley,
+            FollowController::Lqr,
+        ][seed as usize / 2 % 4];
+        ride.sensors = noisy();
+        let path = if seed % 3 == 0 {
+            slalom()
+        } else {
+            demo_course()
+        };
+        let mut bike = Stepper::new(&ride, &path);
+        let (mut s, mut next) = (0.0, 0.5);
+        let what = format!("{seed}: {:?} {:?}", ride.mode, ride.follow.controller);
+        // What nobody would do: every half second another line or none, near or far, and another speed.
+        let mut worst: f64 = 0.0;
+        bike.until(25.0, |bike, out| {
+            s = bike.rear_on(&path, s);
+            worst = worst.max(out.lateral_error.abs());
+            if bike.time > next {
+                next = bike.time + uniform(0.1, 1.0);
+                let line = s + uniform(-0.5, 4.0);
+                bike.controller
+                    .set_stop((uniform(0.0, 1.0) < 0.7).then_some(line));
+                bike.controller
+                    .set_speed_cap((uniform(0.0, 1.0) < 0.3).then_some(uniform(0.0, 1.5)));
+            }
+            bike.fell
+        });
+        assert!(!bike.fell && bike.violations == 0, "{what}");
+        bike.controller.set_stop(None);
+        bike.controller.set_speed_cap(None);
+        assert!(bike.until(40.0, |_, out| out.arrived), "{what}");
+        let off = (bike.state.pose.position - path.end_pose().position).norm();
+        assert!(off < 0.06, "{what}: {off}");
+    }
+}

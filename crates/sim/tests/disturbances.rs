@@ -247,3 +247,13 @@ fn what_the_plant_does_not_feel_is_refused() {
     );
     assert!(resolve(&kinematic, "[{kind=\"slope\",grade=0.1}]").is_ok());
 }
+
+#[test]
+fn a_fault_of_nothing_in_particular_is_refused() {
+    for fault in ["{kind=\"fault\"}", "{kind=\"fault\",is=\"stuck\",time_s=1}"] {
+        let error = resolve(COURSE, &format!("[{fault}]")).expect_err(fault);
+        let text = error.to_string();
+        assert!(text.contains("has no `of`"), "{fault}: {text}");
+    }
+    assert!(resolve(COURSE, "[{kind=\"fault\",of=\"steering\"}]").is_ok());
+}

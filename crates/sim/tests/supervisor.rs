@@ -6,11 +6,15 @@ use bikebot_sim::{Override, RunControl, RunOutcome, RunReport, ScenarioFile, Set
 const COURSE: &str = "format = 1\nname = \"course\"\n[start]\nspeed_mps = 0.3\n[path]\nwaypoints = [[1.0, 1.0, 0.0], [4.8, 2.2, 55.0], [7.0, 5.6, 30.0], [8.0, 8.0, 90.0]]\n[run]\nduration_s = 60.0\n";
 
 fn ride(changes: &[&str]) -> (RunReport, Trace) {
+    ride_of(COURSE, changes)
+}
+
+fn ride_of(scenario: &str, changes: &[&str]) -> (RunReport, Trace) {
     let changes: Vec<Override> = changes
         .iter()
         .map(|change| change.parse().expect("key=value"))
         .collect();
-    let file = ScenarioFile::parse(COURSE, &changes).expect("a scenario");
+    let file = ScenarioFile::parse(scenario, &changes).expect("a scenario");
     let setup = Setup::resolve(&file, &mut |name| Err(format!("no file {name}")))
         .unwrap_or_else(|error| panic!("{changes:?}: {error}"));
     let mut trace = Trace::default();
@@ -96,4 +100,27 @@ fn a_quiet_ride_is_left_alone() {
         assert_eq!(said(&trace), [""; 0]);
         assert_eq!(plain.result_hash, watched.result_hash);
     }
+}
+
+#[test]
+fn the_shipped_mode_change_is_taken_back_by_the_supervisor() {
+    let file = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../scenarios/mode-change.toml"
+    );
+    let text = std::fs::read_to_string(file).expect("a shipped scenario");
+    let (report, trace) = ride_of(&text, &[]);
+    assert_eq!(report.outcome, RunOutcome::Arrived, "{}", report.reason);
+    assert!(report.passed());
+    assert!(
+        said(&trace)
+            .iter()
+            .any(|text| text.starts_with("to flywheel mode")),
+        "{:?}",
+        said(&trace)
+    );
+    // It had been in balancer mode, and ends in flywheel mode.
+    let offsets = &trace.state.balancer_offset_m;
+    assert!(offsets.iter().any(|d| (d - 0.15).abs() < 1e-9));
+    assert_eq!(offsets.last(), Some(&0.0));
 }

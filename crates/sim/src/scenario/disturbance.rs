@@ -47,9 +47,9 @@ macro_rules! section {
         }
         lasts $lasts:expr
     ) => {
-        $(#[$about])*
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(default, deny_unknown_fields)]
+        $(#[$about])*
         pub struct $name {
             $( $(#[$doc])* pub $field: $kind, )*
             /// Begins at this time, s.
@@ -281,6 +281,8 @@ impl FaultIs {
 
 section! {
     /// `kind = "fault"`: a motor or a sensor breaks.
+    // A fault of nothing in particular is a slip of the pen: which part it is has no default.
+    #[schemars(extend("required" = ["of"]))]
     FaultSection {
         /// What breaks.
         of: FaultOf = FaultOf::Steering,
