@@ -30,6 +30,7 @@ SCHEMAS = {
     "/control/debug": "controldebug.ControlDebug",
     "/obstacles": "foxglove.SceneUpdate",
     "/scan": "foxglove.LaserScan",
+    "/belief": "foxglove.Grid",
     "/events": "runevent.RunEvent",
     "/log": "foxglove.Log",
 }
@@ -99,7 +100,7 @@ def check_recording(path):
             for frame in frames_used(message):
                 placed = last
                 assert frame in known, f"{topic}: frame {frame} before any transform named it"
-            if topic.startswith("/map"):
+            if topic.startswith("/map") or topic == "/belief":
                 check_grid(message)
             if topic == "/bike/state":
                 states += 1

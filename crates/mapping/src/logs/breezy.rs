@@ -186,3 +186,103 @@ pub(super) fn parse(name: &str, text: &str, options: &LogOptions) -> Result<Scan
         odometry_lines: 0,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bikebot_geometry::Point2;
+
+    /// A line of a log: time, wheels, ranges.
+    fn line(time: u64, left: i64, right: i64, ranges: &str) -> String {
+        let rest = "0 ".repeat(20);
+        format!("{time} 14000 {left} {right} {rest}{ranges} \n")
+    }
+
+    fn read(text: &str) -> Result<ScanLog, LogError> {
+        super::super::read("a.dat", text.as_bytes(), None, &LogOptions::default())
+    }
+
+    fn refused(text: &str) -> String {
+        read(text).expect_err("a log with a fault").to_string()
+    }
+
+    #[test]
+    fn wheels_that_turn_alike_go_straight_and_unlike_on_the_arc_between_them() {
+        // Straight for one turn of the wheels, then on a quarter of a circle to the left whose middle is 1 m away: the inner wheel
+        // goes 0.835 π / 2 m, the outer 1.165 π / 2 m.
+        let counts = |way: f64| (way / (TAU * 0.077) * 2000.0).round() as i64;
+        let quarter = TAU / 4.0;
+        let (left, right) = (
+            2000 + counts(0.835 * quarter),
+            2000 + counts(1.165 * quarter),
+        );
+        let text = line(0, 0, 0, "1000")
+            + &line(100_000, 2000, 2000, "1000")
+            + &line(200_000, left, right, "1000");
+        let log = read(&text).expect("a log");
+        let straight = log.scans[1].pose;
+        assert!((straight.position - Point2::new(TAU * 0.077, 0.0)).norm() < 1e-12);
+        let turned = log.scans[2].pose;
+        // Half a count of 0.24 mm on either wheel.
+        let end = Point2::new(TAU * 0.077 + 1.0, 1.0);
+        assert!((turned.position - end).norm() < 1e-3, "{}", turned.position);
+        assert!((turned.heading - quarter).abs() < 1e-3);
+        assert!((log.duration() - 0.2).abs() < 1e-12);
+        assert!((log.distance() - (TAU * 0.077 + 2_f64.sqrt())).abs() < 2e-3);
+    }
+
+    #[test]
+    fn ranges_are_millimetres_with_nothing_and_errors_told_apart() {
+        let log = read(&line(1_000_000, 5, 5, "0 7 1500")).expect("a log");
+        let scan = &log.scans[0];
+        assert_eq!((scan.line, scan.time), (1, 1.0));
+        assert_eq!(scan.scan.ranges, [f64::INFINITY, 0.007, 1.5]);
+        // The middle one looks ahead; 0.007 m is below the least range, so it tells nothing.
+        assert_eq!(scan.scan.angle_min, -TAU / 1024.0);
+        assert!(log.laser.range_min > 0.007);
+        assert_eq!(scan.pose, Pose2::new(0.0, 0.0, 0.0));
+    }
+
+    #[test]
+    fn faults_are_named_with_their_line_and_what_would_do() {
+        let good = line(1_000_000, 5, 5, "1000 1000 1000");
+        for (bad, words) in [
+            ("1000000 14000 5\n".to_owned(), "ends after 3 fields"),
+            (line(2_000_000, 5, 5, ""), "no ranges"),
+            (
+                line(2_000_000, 5, 5, "1000 1000"),
+                "2 ranges, where the first scan (line 1) has 3",
+            ),
+            (
+                line(999_999, 5, 5, "1 1 1"),
+                "the time 0.999999 s comes after 1 s (line 1)",
+            ),
+            (
+                line(2_000_000, 5, 5, "1000 nan 1000"),
+                "field 26 is \"nan\", expected a range",
+            ),
+            (line(2_000_000, 5, 5, "1000 -3 1000"), "field 26 is \"-3\""),
+            (line(2_000_000, 5, 5, "1000 1e3 1000"), "whole millimetres"),
+            (
+                line(2_000_000, 5, 5, "1 1 1").replacen('5', "x", 1),
+                "wheel counts",
+            ),
+        ] {
+            let message = refused(&(good.clone() + &bad));
+            assert!(message.starts_with("a.dat:2: "), "{message}");
+            assert!(message.contains(words), "{message}");
+        }
+        let nothing = super::super::read(
+            "a.dat",
+            b"\n",
+            Some(LogFormat::Breezy),
+            &LogOptions::default(),
+        );
+        assert!(
+            nothing
+                .expect_err("nothing")
+                .to_string()
+                .contains("no scan in it")
+        );
+    }
+}

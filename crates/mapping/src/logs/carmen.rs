@@ -207,3 +207,112 @@ fn scan(line: &Line<'_>) -> Result<LoggedScan, LogError> {
         pose,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<ScanLog, LogError> {
+        super::super::read("a.log", text.as_bytes(), None, &LogOptions::default())
+    }
+
+    const GOOD: &str = "FLASER 3 1.0 2.5 81.83 9 9 9 1.5 -2.0 0.25 10.0 host 0.0\n";
+
+    #[test]
+    fn a_scan_has_the_odometry_of_its_line() {
+        let text = format!(
+            "# CARMEN Logfile\nPARAM robot_width 0.5 host 0\nODOM 0 0 0 0.1 0 0 9.5 host 0\n{GOOD}SYNC a\n{}",
+            GOOD.replace("10.0", "11.0")
+        );
+        let log = read(&text).expect("a log");
+        assert_eq!(log.format, LogFormat::Carmen);
+        assert_eq!(log.scans.len(), 2);
+        let scan = &log.scans[0];
+        assert_eq!((scan.line, scan.time), (4, 10.0));
+        assert_eq!(scan.pose, Pose2::new(1.5, -2.0, 0.25));
+        assert_eq!(scan.scan.ranges, [1.0, 2.5, 81.83]);
+        assert_eq!(log.odometry_lines, 1);
+        let skipped: Vec<_> = log.skipped.iter().map(|(k, n)| (k.as_str(), *n)).collect();
+        assert_eq!(skipped, [("#", 1), ("PARAM", 1), ("SYNC", 1)]);
+        assert!(log.laser.range_max < 81.83, "which is a missing return");
+    }
+
+    #[test]
+    fn the_usual_numbers_of_ranges_have_their_usual_angles() {
+        for (beams, first, step) in [
+            (180, -90.0, 1.0),
+            (181, -90.0, 1.0),
+            (360, -90.0, 0.5),
+            (361, -90.0, 0.5),
+            (401, -50.0, 0.25),
+            (91, -90.0, 2.0),
+        ] {
+            let (min, between) = angles(beams);
+            assert!((min.to_degrees() - first).abs() < 1e-12);
+            assert!((between.to_degrees() - step).abs() < 1e-12);
+        }
+        assert_eq!(angles(1), (0.0, 0.0));
+    }
+
+    #[test]
+    fn faults_are_named_with_their_line_and_what_would_do() {
+        for (bad, words) in [
+            ("FLASER", "ends after 1 fields, 2 are needed"),
+            ("FLASER 0 9 9 9 1 2 3 11 host 0", "no ranges"),
+            (
+                "FLASER 5 1 2 3 9 9 9 1 2 3 11 host 0",
+                "16 are needed: FLASER, 5, so many ranges",
+            ),
+            (
+                "FLASER 2 1 2 3 9 9 9 1 2 3 11 host 0",
+                "the line has 14 fields, where 2 ranges make 13",
+            ),
+            ("FLASER 3 1 2", "ends after 4 fields, 14 are needed"),
+            (
+                "FLASER x 1 2 3",
+                "field 2 is \"x\", expected the number of ranges",
+            ),
+            (
+                "FLASER 3 1 nan 3 9 9 9 1 2 3 11 host 0",
+                "field 4 is \"nan\", expected a range in m",
+            ),
+            ("FLASER 3 1 -2 3 9 9 9 1 2 3 11 host 0", "field 4 is \"-2\""),
+            (
+                "FLASER 3 1 2 3 9 9 9 1 inf 3 11 host 0",
+                "a coordinate within",
+            ),
+            (
+                "FLASER 3 1 2 3 9 9 9 1 2 3 9.5 host 0",
+                "the time 9.5 s comes after 10 s (line 1)",
+            ),
+            (
+                "FLASER 3 1 2 3 9 9 9 1 2 3 nan host 0",
+                "a finite time in s",
+            ),
+            ("FLASER 100001 1", "100001 ranges; at most 100000"),
+            (
+                "ODOM 1 2 3",
+                "ends after 4 fields, 10 are needed: ODOM x y theta",
+            ),
+            (
+                "ODOM 1 2 nan 0 0 0 11 host 0",
+                "field 4 is \"nan\", expected a finite angle",
+            ),
+        ] {
+            let message = read(&format!("{GOOD}{bad}\n")).expect_err(bad).to_string();
+            assert!(message.starts_with("a.log:2: "), "{message}");
+            assert!(message.contains(words), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_file_of_many_kinds_of_lines_is_counted_in_little_memory() {
+        let mut text = GOOD.to_owned();
+        for kind in 0..1000 {
+            text.push_str(&format!("KIND{kind} 1 2 3\n"));
+        }
+        let log = read(&text).expect("a log");
+        assert!(log.skipped.len() <= MOST_KINDS + 1);
+        assert_eq!(log.skipped.values().sum::<usize>(), 1000);
+    }
+}

@@ -10,6 +10,7 @@
 
 use super::columns::{Column, sampled};
 use crate::clock::SimTime;
+use bikebot_world::OccupancyGrid;
 
 /// One thing that happened, borrowed from whoever saw it happen.
 #[derive(Debug, Clone, Copy)]
@@ -29,6 +30,8 @@ pub enum Event<'a> {
     Control(&'a ControlSample),
     /// One sweep of the laser.
     Scan(ScanSample<'a>),
+    /// What the bike has found out about its field so far: free, occupied, unknown. Written as a whole, at its own rate.
+    Belief(&'a OccupancyGrid),
     /// Where the moving obstacles are now: all of them, in a fixed order.
     MovingObstacles(&'a [Shape]),
     /// A line for people.

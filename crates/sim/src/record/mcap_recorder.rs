@@ -11,15 +11,17 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use bikebot_world::{Cell, OccupancyGrid};
 use foxglove::Encode;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapError, McapResult, WriteOptions};
 
 use super::event::{
-    BikeGeometry, BikeState, ControlDebug, ControlSample, Event, GridSample, MapEvent, StateSample,
+    BikeGeometry, BikeState, CellState, ControlDebug, ControlSample, Event, GridSample, MapEvent,
+    StateSample,
 };
 use super::messages::{self, RunEvent, Topic};
-use super::scene::{rasterise, shrink};
+use super::scene::{Raster, rasterise, shrink};
 use super::{
     RecordError, RecordOptions, Recorder, ResultInfo, RunInfo, SCHEMA_VERSION, sha256_hex, wire,
 };
@@ -90,6 +92,7 @@ pub struct McapRecorder<W: Write + Seek> {
     control: Pace,
     footprint: Pace,
     moving: Pace,
+    belief: Pace,
     /// The newest samples that were not written yet; at the end they are.
     held_state: Option<(SimTime, StateSample)>,
     held_control: Option<(SimTime, ControlSample)>,
@@ -168,6 +171,7 @@ impl<W: Write + Seek> McapRecorder<W> {
             control: Pace::hertz(options.state),
             footprint: Pace::hertz(options.scene),
             moving: Pace::hertz(options.scene),
+            belief: Pace::hertz(options.belief),
             held_state: None,
             held_control: None,
             waiting: Vec::new(),
@@ -431,6 +435,29 @@ impl<W: Write + Seek> McapRecorder<W> {
         Ok(())
     }
 
+    fn belief(&mut self, time: SimTime, grid: &OccupancyGrid) -> Result<(), RecordError> {
+        let cells: Vec<CellState> = grid
+            .cells
+            .iter()
+            .map(|cell| match cell {
+                Cell::Free => CellState::Free,
+                Cell::Occupied => CellState::Occupied,
+                Cell::Unknown => CellState::Unknown,
+            })
+            .collect();
+        let sample = GridSample {
+            width: grid.width,
+            height: grid.height,
+            resolution: grid.resolution,
+            origin: [grid.origin.position.x, grid.origin.position.y],
+            yaw: grid.origin.heading,
+            cells: &cells,
+        };
+        let small = shrink(&sample);
+        let sample = small.as_ref().map_or(sample, Raster::sample);
+        self.send(Topic::Belief, time, &messages::map_occupancy(time, &sample))
+    }
+
     fn map(&mut self, time: SimTime, map: &MapEvent<'_>) -> Result<(), RecordError> {
         let raster = match &map.grid {
             None => Some(rasterise(map.bounds, map.shapes)),
@@ -446,14 +473,7 @@ impl<W: Write + Seek> McapRecorder<W> {
             }
         };
         let grid = match (&raster, &map.grid) {
-            (Some(raster), _) => GridSample {
-                width: raster.width,
-                height: raster.height,
-                resolution: raster.resolution,
-                origin: raster.origin,
-                yaw: raster.yaw,
-                cells: &raster.cells,
-            },
+            (Some(raster), _) => raster.sample(),
             (None, Some(grid)) => *grid,
             (None, None) => return Ok(()),
         };
@@ -510,6 +530,12 @@ impl<W: Write + Seek> Recorder for McapRecorder<W> {
             Event::State(state) => self.state(time, state, false),
             Event::Control(control) => self.control(time, control, false),
             Event::Scan(ref scan) => self.send(Topic::Scan, time, &messages::scan(scan)),
+            Event::Belief(grid) => {
+                if self.belief.is_due(time) {
+                    self.belief(time, grid)?;
+                }
+                Ok(())
+            }
             Event::MovingObstacles(shapes) => {
                 if self.moving.is_due(time) {
                     let scene = messages::obstacles(time, messages::MOVING, shapes);

@@ -62,12 +62,13 @@ pub(super) enum Topic {
     Footprint,
     Obstacles,
     Scan,
+    Belief,
     Events,
     Log,
 }
 
 impl Topic {
-    pub(super) const ALL: [Self; 16] = [
+    pub(super) const ALL: [Self; 17] = [
         Self::Frames,
         Self::Map,
         Self::Occupancy,
@@ -82,6 +83,7 @@ impl Topic {
         Self::Footprint,
         Self::Obstacles,
         Self::Scan,
+        Self::Belief,
         Self::Events,
         Self::Log,
     ];
@@ -102,6 +104,7 @@ impl Topic {
             Self::Footprint => "/bike/footprint",
             Self::Obstacles => "/obstacles",
             Self::Scan => "/scan",
+            Self::Belief => "/belief",
             Self::Events => "/events",
             Self::Log => "/log",
         }
@@ -121,6 +124,7 @@ impl Topic {
                 | Self::Footprint
                 | Self::Obstacles
                 | Self::Scan
+                | Self::Belief
         )
     }
 
@@ -131,7 +135,7 @@ impl Topic {
         }
         match self {
             Self::Frames => of::<FrameTransforms>(),
-            Self::Map | Self::Occupancy => of::<Grid>(),
+            Self::Map | Self::Occupancy | Self::Belief => of::<Grid>(),
             Self::PlanPath => of::<PosesInFrame>(),
             Self::PlanScene | Self::Footprint | Self::Obstacles => of::<SceneUpdate>(),
             Self::PlanSamples | Self::Followed => of::<PathTable>(),

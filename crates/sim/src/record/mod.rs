@@ -221,6 +221,10 @@ pub struct RecordOptions {
     #[serde(rename = "scene_hz")]
     #[schemars(range(min = 0.1, max = 10_000.0))]
     pub scene: f64,
+    /// Rate of `/belief`, Hz: the whole grid each time. Two a second show the field filling in.
+    #[serde(rename = "belief_hz")]
+    #[schemars(range(min = 0.1, max = 10_000.0))]
+    pub belief: f64,
     /// How much simulated time may be lost when the program is killed, s: the
     /// file is readable up to the last of these.
     #[serde(rename = "flush_s")]
@@ -235,6 +239,7 @@ impl Default for RecordOptions {
             frames: 100.0,
             pose: 50.0,
             scene: 20.0,
+            belief: 2.0,
             flush: 1.0,
         }
     }

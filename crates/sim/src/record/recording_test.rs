@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Seek, SeekFrom, Write};
 
+use bikebot_geometry::Pose2;
+use bikebot_world::{Cell, OccupancyGrid};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -137,6 +139,10 @@ fn ride(recorder: &mut dyn Recorder, seconds: f64) -> Result<(), RecordError> {
         },
     )?;
     recorder.record(start, &Event::FollowedPath(&path))?;
+    let corner = Pose2::new(-1.0, 2.0, 0.0);
+    let mut belief = OccupancyGrid::filled(3, 2, 0.5, corner, Cell::Unknown).unwrap();
+    belief.set(0, 0, Cell::Free);
+    belief.set(2, 0, Cell::Occupied);
     for step in 0.. {
         let time = tick.times(step);
         if time > SimTime::from_seconds(seconds) {
@@ -169,6 +175,7 @@ fn ride(recorder: &mut dyn Recorder, seconds: f64) -> Result<(), RecordError> {
             ..ControlSample::default()
         };
         recorder.record(time, &Event::Control(&control))?;
+        recorder.record(time, &Event::Belief(&belief))?;
         let shape = Shape::Disc {
             center: [4.0, time.seconds()],
             radius: 0.2,
@@ -225,6 +232,7 @@ fn every_topic_has_the_promised_schema_and_rate() {
         ("/bike/footprint", "foxglove.SceneUpdate", 61),
         ("/obstacles", "foxglove.SceneUpdate", 62),
         ("/scan", "foxglove.LaserScan", 31),
+        ("/belief", "foxglove.Grid", 7),
         ("/events", "runevent.RunEvent", 1),
         ("/log", "foxglove.Log", 1),
     ];
@@ -673,6 +681,7 @@ fn a_killed_program_loses_no_more_than_the_last_second() {
         frames: 20.0,
         pose: 10.0,
         scene: 1.0,
+        belief: 1.0,
         flush: 1.0,
     };
     for options in [sparse, RecordOptions::default()] {

@@ -55,6 +55,20 @@ pub(crate) struct Raster {
     pub(crate) cells: Vec<CellState>,
 }
 
+impl Raster {
+    /// The grid as events carry one.
+    pub(crate) fn sample(&self) -> GridSample<'_> {
+        GridSample {
+            width: self.width,
+            height: self.height,
+            resolution: self.resolution,
+            origin: self.origin,
+            yaw: self.yaw,
+            cells: &self.cells,
+        }
+    }
+}
+
 /// Draws shapes into cells whose side is the least 1-2-5 step that keeps the
 /// picture small.
 ///

@@ -381,6 +381,7 @@ impl Scenario {
             balance: Default::default(),
             supervisor: Default::default(),
             laser: Default::default(),
+            mapper: Default::default(),
             obstacle: Vec::new(),
             plant: Default::default(),
             noise: Default::default(),

@@ -24,6 +24,7 @@ use crate::outcome::Expect;
 use crate::record::RecordOptions;
 use bikebot_control::{BalanceParams, FollowParams, SupervisorParams};
 use bikebot_dynamics::{BalancerMode, BikeParams, LaserParams, SensorParams, SteeringGeometry};
+use bikebot_mapping::MapperParams;
 use bikebot_planner::PlannerParams;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -72,6 +73,9 @@ pub struct Scenario {
     /// Laser range finder.
     #[serde(default)]
     pub laser: LaserParams,
+    /// How the laser's scans become a map where the bike does not know its field.
+    #[serde(default)]
+    pub mapper: MapperParams,
     /// What stands or moves in the field beside the map.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 1000))]

@@ -3,6 +3,7 @@
 use super::{Resolver, SetupError};
 use crate::clock::Period;
 use bikebot_dynamics::{LaserParams, LaserScanner};
+use bikebot_mapping::MapperParams;
 
 impl Resolver<'_> {
     /// The laser as it is mounted: a bike without a map has nothing to look at and carries none.
@@ -69,5 +70,29 @@ impl Resolver<'_> {
             );
         }
         Ok(laser)
+    }
+
+    /// What becomes of its scans.
+    pub(super) fn mapper(&self) -> Result<MapperParams, SetupError> {
+        let mapper = self.scenario.mapper;
+        match mapper.check() {
+            Ok(()) => Ok(mapper),
+            Err(error) => {
+                const KEYS: [&str; 6] = [
+                    "mapper.free_limit",
+                    "mapper.free_at",
+                    "mapper.free_until",
+                    "mapper.occupied_until",
+                    "mapper.occupied_at",
+                    "mapper.occupied_limit",
+                ];
+                let key = KEYS.into_iter().find(|key| self.file.is_written(key));
+                self.refuse(
+                    key.unwrap_or("mapper"),
+                    format!("[mapper]: {error}"),
+                    "keep -free_limit <= free_at <= free_until <= occupied_until <= occupied_at <= occupied_limit",
+                )
+            }
+        }
     }
 }

@@ -21,6 +21,7 @@ use bikebot_dynamics::{
     BalancerMode, BikeParams, BikeState, LaserParams, SensorParams, SteeringGeometry,
 };
 use bikebot_geometry::CurvePath;
+use bikebot_mapping::MapperParams;
 use bikebot_planner::{EndPose, GoalRegion, PlannerParams, PlanningProblem};
 use bikebot_world::formats::MapError;
 use bikebot_world::{Footprint, World};
@@ -127,6 +128,8 @@ pub struct Setup {
     pub supervisor: SupervisorParams,
     /// Laser.
     pub laser: LaserParams,
+    /// How its scans become a belief.
+    pub mapper: MapperParams,
     /// Sensors.
     pub noise: SensorParams,
     /// What the world does to the true bike, and what breaks on it.
@@ -196,6 +199,7 @@ impl Resolver<'_> {
         let mut field = self.field()?;
         let traffic = self.obstacles(&mut field)?;
         let laser = self.laser(control, field.world.is_some())?;
+        let mapper = self.mapper()?;
         let path = self.path()?;
         self.start_fits_the_plant()?;
         let (start, start_pose) = self.start(&field, &path)?;
@@ -236,6 +240,7 @@ impl Resolver<'_> {
             balance: scenario.balance.clone(),
             supervisor: scenario.supervisor.clone(),
             laser,
+            mapper,
             noise: scenario.noise,
             disturbances,
             plant: scenario.plant.model,

@@ -8,6 +8,10 @@ use super::Draft;
 use super::error::{MapError, MapProblem, quoted};
 use super::image::{self, Mode, Thresholds, UNKNOWN_GREY};
 use super::yaml::{self, Entry, Value};
+use crate::grid::{Cell, OccupancyGrid};
+
+/// The grey that map_saver writes for free cells, of 255.
+const FREE_GREY: u8 = 254;
 
 /// The keys there are, with a line that would do for each.
 const KEYS: [(&str, &str); 7] = [
@@ -112,6 +116,35 @@ pub fn parse(name: &str, bytes: &[u8]) -> Result<MapServerFile, MapError> {
         },
         warnings,
     })
+}
+
+/// A grid as the two files map_server reads: the description, and the image it names `image`.
+///
+/// Thresholds and greys are map_saver's, so what is read back is the same grid, cell by cell.
+#[must_use]
+pub fn write(grid: &OccupancyGrid, image: &str) -> (String, Vec<u8>) {
+    let Pose2 { position, heading } = grid.origin;
+    let thresholds = Thresholds::default();
+    // Single quotes keep every character but themselves, which are doubled. `{}` of a number reads back as the same number.
+    let description = format!(
+        "image: '{}'\nmode: trinary\nresolution: {}\norigin: [{}, {}, {}]\nnegate: 0\noccupied_thresh: {}\nfree_thresh: {}\n",
+        image.replace('\'', "''"),
+        grid.resolution,
+        position.x,
+        position.y,
+        heading,
+        thresholds.occupied,
+        thresholds.free
+    );
+    let mut pixels = format!("P5\n{} {}\n255\n", grid.width, grid.height).into_bytes();
+    for row in grid.cells.chunks(grid.width.max(1)).rev() {
+        pixels.extend(row.iter().map(|cell| match cell {
+            Cell::Free => FREE_GREY,
+            Cell::Occupied => 0,
+            Cell::Unknown => UNKNOWN_GREY as u8,
+        }));
+    }
+    (description, pixels)
 }
 
 /// Reads a description and the image it names.
@@ -293,8 +326,35 @@ fn edit_distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const GOOD: &str = "image: m.pgm\nresolution: 0.05\norigin: [-1.5, 2, 0.25]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+
+    proptest! {
+        #[test]
+        fn a_written_map_reads_back_as_the_same_grid(
+            width in 1_usize..9,
+            height in 1_usize..9,
+            seed: u64,
+            resolution in 0.01..3.0_f64,
+            (x, y, yaw) in (-1e3..1e3_f64, -1e3..1e3_f64, -3.0..3.0_f64),
+            name in prop::sample::select(vec!["map.pgm", "it's: a # map.pgm", "naïve map.pgm"]),
+        ) {
+            let cells = (0..width * height)
+                .map(|i| [Cell::Free, Cell::Occupied, Cell::Unknown][(seed >> (i % 60)) as usize % 3])
+                .collect();
+            let grid =
+                OccupancyGrid::new(width, height, resolution, Pose2::new(x, y, yaw), cells).unwrap();
+            let (description, pixels) = write(&grid, name);
+            let draft = read("m.yaml", description.as_bytes(), &mut |named| {
+                assert_eq!(named, name);
+                Ok(pixels.clone())
+            })
+            .unwrap();
+            prop_assert_eq!(draft.warnings, Vec::<String>::new());
+            prop_assert_eq!(draft.grid.unwrap(), grid);
+        }
+    }
 
     #[test]
     fn a_file_without_mode_is_trinary() {
