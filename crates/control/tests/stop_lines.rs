@@ -400,3 +400,32 @@ fn lines_that_come_and_go_do_not_upset_the_bike() {
         assert!(off < 0.06, "{what}: {off}");
     }
 }
+
+#[test]
+fn on_slippery_ground_it_promises_less_and_keeps_it() {
+    for mode in MODES {
+        for friction in [0.18, 0.25] {
+            let mut ride = Ride::new(mode);
+            ride.bike.friction = friction;
+            ride.truth.friction = friction;
+            let path = straight_then_arc(4.0, 0.7, 8.0);
+            let mut bike = Stepper::new(&ride, &path);
+            let limits = bike.controller.braking_limits();
+            assert!(limits.emergency < 0.95 && limits.service <= 0.75 * limits.emergency);
+            let mut s = 0.0;
+            assert!(bike.until(20.0, |bike, _| {
+                s = bike.rear_on(&path, s);
+                s > 6.0
+            }));
+            let line = s + bike.controller.least_stopping_distance(bike.state.speed);
+            bike.controller.set_stop(Some(line));
+            assert!(bike.until(10.0, |_, out| out.waiting));
+            s = bike.rear_on(&path, s);
+            // A tyre that slides for 20 ms counts as a fall.
+            assert!(
+                !bike.fell && s <= line && s > line - 0.15,
+                "{mode:?} {friction}: {s} of {line}"
+            );
+        }
+    }
+}
