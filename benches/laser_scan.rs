@@ -7,6 +7,7 @@
 
 use std::hint::black_box;
 
+use bikebot_dynamics::laser::Prisms;
 use bikebot_dynamics::{LaserParams, LaserScan, LaserScanner};
 use bikebot_geometry::{Point2, Pose2, Vector2};
 use bikebot_world::formats::{self, MapOptions};
@@ -219,6 +220,15 @@ fn scan_of_the_yard(c: &mut Criterion) {
     });
     group.bench_function("scan", |b| {
         b.iter(|| scanner.scan_into(&world, black_box(&pose), 0.0, &mut rng, &mut scan));
+    });
+    // Each beam from a pose of its own, leaning and turning, at 2 m/s.
+    let scene = Prisms {
+        world: &world,
+        height: scanner.params().obstacle_height,
+    };
+    let motion = |time: f64| (Pose2::new(50.0 + 2.0 * time, 50.0, 0.5 + time), 0.1 - time);
+    group.bench_function("sweep_leaning_and_turning", |b| {
+        b.iter(|| scanner.sweep(&scene, black_box(0.0), motion, &mut rng));
     });
     group.finish();
 }
