@@ -67,7 +67,7 @@ pub enum Verb {
     Explain(commands::explain::ExplainArgs),
     Schema(commands::schema::SchemaArgs),
     Init(commands::init::InitArgs),
-    /// Look at map files
+    /// Look at map files, and make them from laser logs
     #[command(subcommand, arg_required_else_help = true)]
     Map(MapVerb),
     Info(commands::info::InfoArgs),
@@ -81,6 +81,7 @@ pub enum Verb {
 #[derive(Debug, Subcommand)]
 pub enum MapVerb {
     Info(commands::map::InfoArgs),
+    Build(commands::map_build::BuildArgs),
 }
 
 /// `bikebot log …`

@@ -59,6 +59,7 @@ fn dispatch(verb: &Verb, terminal: &Terminal) -> Ending {
         Verb::Schema(args) => commands::schema::run(args, terminal),
         Verb::Init(args) => commands::init::run(args, terminal),
         Verb::Map(MapVerb::Info(args)) => commands::map::info(args, terminal),
+        Verb::Map(MapVerb::Build(args)) => commands::map_build::run(args, terminal),
         Verb::Info(args) => commands::info::run(args, terminal),
         Verb::Log(LogVerb::Check(args)) => commands::log::check(args, terminal),
         Verb::Log(LogVerb::Recover(args)) => commands::log::recover(args, terminal),

@@ -15,6 +15,8 @@
 //! The answer of [`Mapper::insert`] is what [`bikebot_world::WorldChanges::cells`] takes, so the worlds that planning and
 //! safety ask follow the belief change by change.
 //!
+//! What free, occupied and unknown are worth is told in `docs/mapping.md`.
+//!
 //! Nothing here corrects the poses: they are taken as measured, and their uncertainty is a parameter. SI units and radians; frames and
 //! signs as in `docs/frames.md`.
 

@@ -10,6 +10,7 @@ pub mod info;
 pub mod init;
 pub mod log;
 pub mod map;
+pub mod map_build;
 pub mod plan;
 pub mod plot;
 pub mod run;
