@@ -149,26 +149,37 @@ fn arrives(text: &str) -> Result<Option<f64>, Box<dyn std::error::Error>> {
 fn picture(grid: &BasinGrid, maps: &[(String, Vec<bool>, Vec<bool>)]) -> String {
     const CELL: usize = 6;
     let side = CELL * grid.points;
-    let (width, height) = (maps.len() * (side + 30) + 30, side + 90);
+    const GAP: usize = 54;
+    let (width, height) = (maps.len() * (side + GAP) + 24, side + 90);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
          font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>\n"
     );
     for (k, (name, bound, basin)) in maps.iter().enumerate() {
-        let (left, top) = (30 + k * (side + 30), 30);
+        let (left, top) = (GAP + k * (side + GAP), 30);
         let _ = writeln!(svg, "<text x=\"{left}\" y=\"20\">{name}</text>");
-        for (i, (possible, recovered)) in bound.iter().zip(basin).enumerate() {
-            let colour = match (possible, recovered) {
-                (_, true) => "#2a7f62",
-                (true, false) => "#e07a3f",
-                (false, false) => "#e8e8e8",
-            };
-            let x = left + CELL * (i % grid.points);
-            let y = top + CELL * (grid.points - 1 - i / grid.points);
-            let _ = writeln!(
-                svg,
-                "<rect x=\"{x}\" y=\"{y}\" width=\"{CELL}\" height=\"{CELL}\" fill=\"{colour}\"/>"
-            );
+        let colour = |i: usize| match (bound[i], basin[i]) {
+            (_, true) => "#009e73",
+            (true, false) => "#d55e00",
+            (false, false) => "#e8e8e8",
+        };
+        for row in 0..grid.points {
+            let cells = row * grid.points..(row + 1) * grid.points;
+            let y = top + CELL * (grid.points - 1 - row);
+            // Cells of one colour that lie side by side are one rectangle.
+            let mut first = cells.start;
+            while first < cells.end {
+                let same = |i: &usize| colour(*i) == colour(first);
+                let count = (first..cells.end).take_while(same).count();
+                let _ = writeln!(
+                    svg,
+                    "<rect x=\"{}\" y=\"{y}\" width=\"{}\" height=\"{CELL}\" fill=\"{}\"/>",
+                    left + CELL * (first - cells.start),
+                    CELL * count,
+                    colour(first)
+                );
+                first += count;
+            }
         }
         let (right, bottom) = (left + side, top + side);
         let _ = writeln!(
@@ -185,7 +196,7 @@ fn picture(grid: &BasinGrid, maps: &[(String, Vec<bool>, Vec<bool>)]) -> String 
     }
     let _ = writeln!(
         svg,
-        "<text x=\"30\" y=\"{}\">green: recovered; orange: could be recovered, is not; grey: beyond what any law can recover</text>\n</svg>",
+        "<text x=\"{GAP}\" y=\"{}\">green: recovered; orange: could be recovered, is not; grey: beyond what any law can recover</text>\n</svg>",
         height - 14
     );
     svg

@@ -12,7 +12,7 @@
 //! in a steady turn. On a straight a small error obeys `e'' + (2/L) e' + (2/L^2) e = 0` along the
 //! way: poles at `(-1 ± i)/L`.
 
-use bikebot_geometry::{Pose2, angle};
+use bikebot_geometry::{Pose2, cross};
 
 use crate::followed_path::{FollowedPath, Projection};
 use crate::params::PurePursuitParams;
@@ -47,12 +47,17 @@ impl PurePursuit {
     ) -> f64 {
         let ahead = self.distance + self.time * speed.max(0.0);
         let to_target = path.sample(projection.s + ahead).position - pose.position;
-        let bearing = angle::difference(to_target.y.atan2(to_target.x), pose.heading);
-        // A target abeam or behind asks for the tightest circle, not for a wider one again.
-        let quarter = std::f64::consts::FRAC_PI_2;
-        let sin = bearing.clamp(-quarter, quarter).sin();
+        let direction = pose.direction();
+        let (along, side) = (direction.dot(&to_target), cross(direction, to_target));
+        let far = to_target.norm();
+        // Sine of the bearing. A target abeam or behind asks for the tightest circle, not for a wider one again.
+        let sin = match along {
+            _ if far == 0.0 => 0.0,
+            along if along < 0.0 => 1.0_f64.copysign(side),
+            _ => side / far,
+        };
         // Never nearer than a tenth of the look-ahead: a bike that stands on its target still turns finitely.
-        let distance = to_target.norm().max(0.1 * ahead);
+        let distance = far.max(0.1 * ahead);
         (2.0 * self.wheelbase * sin / distance).atan()
     }
 }
