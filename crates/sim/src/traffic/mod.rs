@@ -208,7 +208,7 @@ impl Traffic {
     }
 
     /// Indices and poses of the obstacles that a ray may meet at `time` (s) within `max_range` (m), and few others.
-    pub(crate) fn near_ray<'a>(
+    pub fn near_ray<'a>(
         &'a self,
         ray: &'a Ray,
         time: f64,
