@@ -23,6 +23,9 @@ const DENSE: f64 = 0.7;
 /// Beams are told apart by how often their index can be halved, up to this.
 const MOST_HALVINGS: u32 = 5;
 
+/// Nothing can hide from a laser whose least range is at most this, m: it would be inside the device.
+const BLIND: f64 = 0.1;
+
 /// Beams to either side that must have met nothing before, for a missing return to clear as far as it may: a lost return
 /// must not clear what the beams beside it see.
 const WITNESSES: usize = 2;
@@ -52,7 +55,7 @@ pub struct Hit {
 /// * A cell is judged once a scan: occupied if any beam ended in it, else freed if one passed. The order of the beams does
 ///   not matter.
 /// * What the roll would have touch the ground, or pass over the obstacles, neither hits nor clears.
-/// * A beam clears only what lies farther than `surface_margin_m`, and what noise adds to it, before and beside whatever was hit
+/// * A beam clears only what lies farther than `surface_margin_cells`, and what noise adds to it, before and beside whatever was hit
 ///   in this scan. So cells behind a wall seen at a grazing angle are not freed.
 /// * Evidence that the pose's uncertainty blurs over several cells weighs less.
 ///
@@ -61,6 +64,8 @@ pub struct Hit {
 pub struct Mapper {
     belief: BeliefGrid,
     params: MapperParams,
+    /// Kept before and beside every surface, m.
+    surface_margin: f64,
     device: Device,
     frame: Frame,
     weights: Weights,
@@ -121,6 +126,7 @@ impl Mapper {
         let beams = laser.beams as usize;
         Ok(Self {
             params: *params,
+            surface_margin: params.surface_margin * grid.resolution,
             device: Device::new(params, laser, own_outline),
             frame: Frame::of(grid),
             weights: Weights::new(params, grid.resolution, laser.range_max),
@@ -229,9 +235,8 @@ impl Mapper {
                 beam_period: scan.beam_period,
             });
         }
-        let blind = self.params.surface_margin;
         self.device
-            .prepare(scan.angle_min, scan.angle_step, scan.ranges.len(), blind);
+            .prepare(scan.angle_min, scan.angle_step, scan.ranges.len(), BLIND);
         self.beams.clear();
         let mut last = None;
         for (index, &range) in scan.ranges.iter().enumerate() {
@@ -268,7 +273,7 @@ impl Mapper {
 
     /// Distance kept before a surface `distance` (m) away, m.
     fn margin(&self, distance: f64) -> f64 {
-        self.params.surface_margin + self.params.position_sigma + self.device.range_margin(distance)
+        self.surface_margin + self.params.position_sigma + self.device.range_margin(distance)
     }
 
     /// The nearest thing met in a tube about each beam, half as wide as the margin to either side.
@@ -280,7 +285,7 @@ impl Mapper {
         for (j, beam) in self.beams.iter().enumerate() {
             let met = beam.met;
             if met.is_finite() {
-                let beside = self.params.surface_margin + self.params.lateral_variance(met).sqrt();
+                let beside = self.surface_margin + self.params.lateral_variance(met).sqrt();
                 // A cast saturates: without a step the beams are one.
                 let reach = (beside / (met * step)) as usize;
                 let first = j.saturating_sub(reach);
@@ -305,7 +310,7 @@ impl Mapper {
     fn mark(&mut self, angle_step: f64) {
         for (beam, nearest) in self.beams.iter().zip(&mut self.nearest) {
             let kept = *nearest
-                - self.params.surface_margin
+                - self.surface_margin
                 - self.params.position_sigma
                 - self.device.range_margin(*nearest);
             // Nothing met beside it, and the margin of infinity is no number.

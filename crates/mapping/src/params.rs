@@ -34,10 +34,10 @@ pub struct MapperParams {
     /// Standard deviation of the heading, degrees: it blurs evidence the more the farther it lies.
     #[schemars(range(min = 0.0, max = 45.0))]
     pub heading_sigma_deg: f64,
-    /// A beam clears nothing nearer than this to a surface hit by it or by a beam beside it, m. A cell's side: then a cell
+    /// A beam clears nothing nearer than this to a surface hit by it or by a beam beside it, sides of a cell. One: then a cell
     /// that is called free holds at most a corner of what stands there.
-    #[serde(rename = "surface_margin_m")]
-    #[schemars(range(min = 0.0, max = 10.0))]
+    #[serde(rename = "surface_margin_cells")]
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub surface_margin: f64,
     /// How far a beam without return clears, m; never beyond the laser's largest range, and not past what the two beams on
     /// either side have met. 0: a missing return tells nothing.
@@ -86,7 +86,7 @@ impl Default for MapperParams {
             height_tolerance: 0.05,
             position_sigma: 0.02,
             heading_sigma_deg: 0.3,
-            surface_margin: 0.1,
+            surface_margin: 1.0,
             no_return_clears: 30.0,
             ignore_within: 0.0,
             hit_log_odds: 1.6,

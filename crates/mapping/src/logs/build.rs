@@ -30,7 +30,6 @@ impl BuildOptions {
     fn mapper(&self) -> MapperParams {
         MapperParams {
             cell: self.resolution,
-            surface_margin: self.resolution,
             roll_tolerance_deg: 0.0,
             height_tolerance: 0.0,
             no_return_clears: 0.0,

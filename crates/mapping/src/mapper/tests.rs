@@ -447,6 +447,22 @@ proptest! {
         }
     }
 
+    /// The same on cells of half a metre, as a map may have: all lengths but that between two beams grow with the cell.
+    #[test]
+    fn what_is_called_free_is_free_on_coarse_cells_too((obstacles, poses) in scene()) {
+        let params = MapperParams { cell: 0.5, ..MapperParams::default() };
+        let (_, mapper) = explored(&obstacles, &poses, &params, 4);
+        let alone = without_edge(&obstacles);
+        for (x, y, cell) in cells(mapper.belief()) {
+            if cell == Cell::Free {
+                let centre = mapper.belief().grid().cell_centre(x, y);
+                let clearance = alone.clearance(centre);
+                // 0.354 − 0.5 + 0.04 m is above zero: the centre itself is free.
+                prop_assert!(clearance > 0.0, "{centre} is free at {clearance}");
+            }
+        }
+    }
+
     /// Whatever the margin, the inside of cells that are occupied altogether is never free.
     #[test]
     fn the_inside_of_an_obstacle_is_never_free((obstacles, poses) in scene()) {
