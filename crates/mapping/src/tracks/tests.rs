@@ -125,9 +125,9 @@ fn a_walker_is_found_where_it_is_and_as_fast_as_it_is() {
         }
         ids.dedup();
         assert_eq!(ids.len(), 1, "the same one all the time: {ids:?}");
-        // Three standard deviations of what the filter says of itself: 0.03 m and 0.2 m/s.
-        assert!(worst < 0.12, "seed {seed}: {worst} m");
-        assert!(worst_speed < 0.6, "seed {seed}: {worst_speed} m/s");
+        // Under three standard deviations of what the filter says of itself, 0.03 m and 0.2 m/s; twice what is measured.
+        assert!(worst < 0.08, "seed {seed}: {worst} m");
+        assert!(worst_speed < 0.4, "seed {seed}: {worst_speed} m/s");
     }
 }
 
