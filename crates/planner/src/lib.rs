@@ -22,6 +22,7 @@ mod full;
 pub mod guide;
 mod in_order;
 pub mod kd_tree;
+pub mod lattice;
 pub mod metrics;
 pub mod motion;
 pub mod params;

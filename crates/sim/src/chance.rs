@@ -10,6 +10,7 @@ use rand_chacha::ChaCha8Rng;
 pub(crate) enum Component {
     Sensors = 1 << 40,
     Laser = 2 << 40,
+    FirstLook = 3 << 40,
 }
 
 /// The stream of one component.

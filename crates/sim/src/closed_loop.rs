@@ -14,6 +14,7 @@ use crate::disturbance::{Disturbances, MotorFaults, SensorFaults, Turn};
 use crate::error::Error;
 use crate::fall_cause::{FallCause, is_beyond_recovery};
 use crate::monitor::{Edge, FallMonitor, PassivityMonitor, Verdict};
+use crate::online::{Lookout, Motion, Order, Status};
 use crate::outcome::{ExpectCheck, Metrics, RunOutcome};
 use crate::picture;
 use crate::pilot::{Pilot, PilotOutput};
@@ -136,14 +137,20 @@ pub fn run(
         )?;
     }
 
-    let (plan, path) = match &setup.path {
-        PathSource::Given(path) => (None, Some(path.clone())),
-        PathSource::Standing => (None, None),
-        PathSource::Planned => {
+    let (plan, path, lookout, halt) = match (&setup.path, &setup.online) {
+        (PathSource::Given(path), _) => (None, Some(path.clone()), None, None),
+        (PathSource::Standing, _) => (None, None, None, None),
+        (PathSource::Planned, Some(online)) => {
+            (control.progress)(Progress::Planning);
+            let (mut lookout, sighting) = Lookout::first_look(setup, online)?;
+            let path = lookout.navigator().path().cloned();
+            (sighting.plan, path, Some(lookout), sighting.halt)
+        }
+        (PathSource::Planned, None) => {
             (control.progress)(Progress::Planning);
             let report = plan(setup, control.stop)?;
             let path = ridden_path(&report);
-            (Some(report), path)
+            (Some(report), path, None, None)
         }
     };
     let planned = now();
@@ -155,7 +162,7 @@ pub fn run(
             text: &said,
         },
     )?;
-    picture::plan(setup, plan.as_ref(), path.as_ref(), recorder)?;
+    picture::plan(setup, plan.as_ref(), path.as_ref(), SimTime::ZERO, recorder)?;
     if let Some(text) = path.as_ref().and_then(|path| too_tight(setup, path)) {
         recorder.record(
             SimTime::ZERO,
@@ -167,7 +174,10 @@ pub fn run(
     }
 
     let ridden = if path.is_none() && setup.path == PathSource::Planned {
-        let (outcome, reason) = without_path(plan.as_ref());
+        let (outcome, reason) = match halt {
+            Some(halt) => (RunOutcome::NoPath, halt.name().to_owned()),
+            None => without_path(plan.as_ref()),
+        };
         let kind = if outcome == RunOutcome::Interrupted {
             NoticeKind::Interrupted
         } else {
@@ -186,9 +196,10 @@ pub fn run(
             reason,
             metrics: Metrics::default(),
             ticks: 0,
+            replanning: 0.0,
         }
     } else {
-        Ride::new(setup, path.as_ref())?.run(
+        Ride::new(setup, path, lookout, control.clock)?.run(
             recorder,
             &mut hasher,
             control.stop,
@@ -198,7 +209,9 @@ pub fn run(
 
     let mut metrics = ridden.metrics;
     if let (Some(began), Some(planned), Some(ended)) = (began, planned, now()) {
-        metrics.plan_time_s = plan.is_some().then_some(planned - began);
+        metrics.plan_time_s = plan
+            .is_some()
+            .then_some(planned - began + ridden.replanning);
         metrics.wall_time_s = Some(ended - began);
         metrics.real_time_factor = metrics
             .time_s
@@ -321,12 +334,18 @@ struct Ridden {
     reason: String,
     metrics: Metrics,
     ticks: u64,
+    /// Wall-clock time of planning while riding, s.
+    replanning: f64,
 }
 
 /// One ride: the true bike, everything mounted on it, and what watches it.
 struct Ride<'s> {
     setup: &'s Setup,
-    path: Option<&'s CurvePath>,
+    path: Option<CurvePath>,
+    lookout: Option<Lookout>,
+    clock: Option<&'s dyn Fn() -> f64>,
+    /// Wall-clock time of planning, s.
+    replanning: f64,
     plant: TruePlant,
     state: BikeState,
     input: BikeInput,
@@ -365,10 +384,15 @@ struct Tick {
 }
 
 impl<'s> Ride<'s> {
-    fn new(setup: &'s Setup, path: Option<&'s CurvePath>) -> Result<Self, Error> {
+    fn new(
+        setup: &'s Setup,
+        path: Option<CurvePath>,
+        lookout: Option<Lookout>,
+        clock: Option<&'s dyn Fn() -> f64>,
+    ) -> Result<Self, Error> {
         let mut state = setup.start;
         if let (Some(path), true) = (
-            path,
+            &path,
             setup
                 .start_pose
                 .is_some_and(|start| start.heading.is_none()),
@@ -383,7 +407,7 @@ impl<'s> Ride<'s> {
             stream(setup.seed, Component::Sensors),
         );
         let measured = Measurement::ideal(&state, 0.0);
-        let pilot = Pilot::new(setup, path, &measured)?;
+        let pilot = Pilot::new(setup, path.as_ref(), &measured)?;
         let offset = true_offset(&setup.bike, &setup.true_bike, setup.mode, pilot.offset());
         let plant = TruePlant::new(setup, &state, offset)?;
         let laser = match (setup.laser.enabled, &setup.world) {
@@ -407,7 +431,7 @@ impl<'s> Ride<'s> {
             falls: FallMonitor::new(setup.control),
             fall_cause: FallCause::default(),
             passivity: PassivityMonitor::default(),
-            metrics: RideMetrics::new(setup.plant, path),
+            metrics: RideMetrics::new(setup.plant, path.as_ref()),
             input: BikeInput {
                 offset,
                 ..BikeInput::default()
@@ -418,6 +442,9 @@ impl<'s> Ride<'s> {
             edges: Edges::default(),
             setup,
             path,
+            lookout,
+            clock,
+            replanning: 0.0,
             plant,
             state,
             sensors,
@@ -436,7 +463,6 @@ impl<'s> Ride<'s> {
         let control = self.setup.control;
         // A tenth of a simulated second, in ticks.
         let look_up = (100_000_000 / control.nanoseconds()).max(1);
-        let length = self.path.map_or(0.0, CurvePath::length);
         let followed = self.pilot.followed_path(FOLLOWED_STEP);
         if !followed.is_empty() {
             recorder.record(SimTime::ZERO, &Event::FollowedPath(&followed))?;
@@ -459,7 +485,7 @@ impl<'s> Ride<'s> {
                 progress(Progress::Riding {
                     time: time.seconds(),
                     distance: self.distance,
-                    length,
+                    length: self.path.as_ref().map_or(0.0, CurvePath::length),
                 });
             }
             hash_state(hasher, &self.state);
@@ -497,7 +523,8 @@ impl<'s> Ride<'s> {
             .sensors
             .measure(t, &self.state, self.actuators.steer_rate());
         let measured = self.sensor_faults.bend(&self.disturbances, t, &measured);
-        self.sense(time, recorder)?;
+        let scan = self.sense(time, recorder)?;
+        self.look_ahead(time, &measured, scan.as_ref(), recorder)?;
 
         // Follow and balance.
         let output = match self.pilot.tick(t, &measured) {
@@ -637,6 +664,101 @@ impl<'s> Ride<'s> {
         Ok(scan)
     }
 
+    /// Plans from what the laser has shown, where the scenario asks for it, and tells the pilot how far that carries.
+    fn look_ahead(
+        &mut self,
+        time: SimTime,
+        measured: &Measurement,
+        scan: Option<&LaserScan>,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(), Error> {
+        let Some(lookout) = &mut self.lookout else {
+            return Ok(());
+        };
+        lookout.note(time.seconds(), measured);
+        if let Some(scan) = scan {
+            // What cannot be placed says nothing; that the sensors fail is the controller's to report.
+            if lookout.hear(scan).is_ok() {
+                recorder.record(time, &Event::Belief(lookout.belief()))?;
+            }
+        }
+        let speed = measured.speed.max(0.0);
+        let motion = Motion {
+            time: time.seconds(),
+            s: self.pilot.arc_length(),
+            speed,
+            stopping_distance: self.pilot.stopping_distance(speed),
+        };
+        let began = self.clock.map(|clock| clock());
+        let (order, before) = lookout.order(&motion);
+        if let (true, Some(began), Some(clock)) = (order.searches > 0, began, self.clock) {
+            self.replanning += clock() - began;
+        }
+        if let Some(new) = &order.path {
+            if let Err(error) = self.pilot.replace_path(&new.curves, motion.s) {
+                lookout.navigator().refuse();
+                let text = format!("the new path is not ridden: {error}");
+                let level = LogLevel::Warning;
+                recorder.record(time, &Event::Log { level, text: &text })?;
+                return Ok(());
+            }
+            self.metrics.replace_path(&new.curves);
+        }
+        self.pilot.set_stop(order.stop_at);
+        self.tell_of(time, &order, before, &motion, recorder)?;
+        if let Some(new) = order.path {
+            self.path = Some(new.curves);
+        }
+        Ok(())
+    }
+
+    /// Writes down what has changed with an order.
+    fn tell_of(
+        &self,
+        time: SimTime,
+        order: &Order,
+        before: Status,
+        motion: &Motion,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(), Error> {
+        if let Some(new) = &order.path {
+            let text = format!("{}, from {:.2} m on", new.cause.name(), new.joint);
+            recorder.record(
+                time,
+                &Event::Notice {
+                    kind: NoticeKind::Replanned,
+                    text: &text,
+                    value: new.curves.length(),
+                },
+            )?;
+            picture::plan(self.setup, None, Some(&new.curves), time, recorder)?;
+            recorder.record(
+                time,
+                &Event::FollowedPath(&self.pilot.followed_path(FOLLOWED_STEP)),
+            )?;
+        }
+        let mut notice =
+            |kind, text: &str, value| recorder.record(time, &Event::Notice { kind, text, value });
+        if order.is_emergency {
+            notice(
+                NoticeKind::Emergency,
+                "what was believed free is so no more",
+                order.stop_at.map_or(f64::NAN, |stop| stop - motion.s),
+            )?;
+        }
+        match (before, order.status) {
+            (Status::Halted(old), Status::Halted(new)) if old == new => {}
+            (_, Status::Halted(halt)) => notice(
+                NoticeKind::Halted,
+                halt.in_words(),
+                order.stop_at.unwrap_or(f64::NAN),
+            )?,
+            (Status::Halted(_), _) => notice(NoticeKind::Resumed, "on the way again", motion.s)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
     /// Writes one tick down; returns the clearance and the contact forces it found on the way.
     fn record(
         &mut self,
@@ -681,7 +803,7 @@ impl<'s> Ride<'s> {
                 decoupling: output.decoupling,
                 fallback: output.fallback,
             },
-            self.path,
+            self.path.as_ref(),
         );
         let distance = self.distance;
         self.distance += (self.state.pose.position - state.pose.position).norm();
@@ -920,6 +1042,12 @@ impl<'s> Ride<'s> {
                 },
             )?;
             Ok(Some((RunOutcome::Arrived, "at_goal")))
+        } else if let Some(lookout) = &self.lookout
+            && lookout.waits()
+        {
+            Ok(lookout
+                .gives_up()
+                .map(|halt| (RunOutcome::Stopped, halt.name())))
         } else {
             Ok(Some((RunOutcome::Stopped, "short_of_goal")))
         }
@@ -927,7 +1055,7 @@ impl<'s> Ride<'s> {
 
     /// Where to come to rest, the goal or else the path's end, and how far from it is near enough, m.
     fn target(&self) -> Option<(EndPose, f64)> {
-        let end = self.path?.end_pose();
+        let end = self.path.as_ref()?.end_pose();
         let target = self.setup.goal.map_or(
             EndPose {
                 position: end.position,
@@ -956,12 +1084,13 @@ impl<'s> Ride<'s> {
             .then(|| self.target())
             .flatten()
             .map(|(target, _)| (&self.state.pose, target.position, target.heading));
-        let passivity = self.path.map(|_| self.passivity.violations());
+        let passivity = self.path.as_ref().map(|_| self.passivity.violations());
         Ridden {
             outcome,
             reason: reason.to_owned(),
             metrics: self.metrics.finish(time.seconds(), at_rest, passivity),
             ticks,
+            replanning: self.replanning,
         }
     }
 }

@@ -4,7 +4,9 @@ use crate::clock::ClockError;
 use crate::record::RecordError;
 use bikebot_control::ControlError;
 use bikebot_dynamics::DynamicsError;
+use bikebot_mapping::MappingError;
 use bikebot_planner::PlanError;
+use bikebot_world::WorldError;
 
 /// Why a run could not be carried out. A fall or an empty search is not among them: see
 /// [`crate::outcome::RunOutcome`].
@@ -19,6 +21,12 @@ pub enum Error {
     /// The laser or the bike refuses its parameters.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
+    /// The belief cannot be laid over the field, or a scan or a pose is not finite.
+    #[error(transparent)]
+    Mapping(#[from] MappingError),
+    /// No world can be made of what is believed.
+    #[error(transparent)]
+    World(#[from] WorldError),
     /// The recording could not be written.
     #[error(transparent)]
     Record(#[from] RecordError),

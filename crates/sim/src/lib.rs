@@ -16,6 +16,7 @@ pub mod disturbance;
 mod error;
 pub mod fall_cause;
 pub mod monitor;
+pub mod online;
 pub mod outcome;
 pub mod path_file;
 mod picture;

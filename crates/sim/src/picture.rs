@@ -58,11 +58,12 @@ pub(crate) fn scene(setup: &Setup, recorder: &mut dyn Recorder) -> Result<(), Re
     )
 }
 
-/// The plan with its stages, or the given path.
+/// The plan with its stages, or the path that counts from `time` on.
 pub(crate) fn plan(
     setup: &Setup,
     report: Option<&PlanReport>,
     path: Option<&CurvePath>,
+    time: SimTime,
     recorder: &mut dyn Recorder,
 ) -> Result<(), RecordError> {
     if report.is_none() && path.is_none() {
@@ -88,7 +89,7 @@ pub(crate) fn plan(
     let coarse = line(stages.and_then(|stages| stages.coarse.as_ref()));
     let guide = line(stages.and_then(|stages| stages.guide.as_ref()));
     recorder.record(
-        SimTime::ZERO,
+        time,
         &Event::Plan(PlanEvent {
             path: &samples,
             tree: &tree,

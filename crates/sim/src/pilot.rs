@@ -201,6 +201,37 @@ impl Pilot {
         }
     }
 
+    /// Where the rear contact was at the last tick, m of arc length on the planned path.
+    pub fn arc_length(&self) -> f64 {
+        match &self.kind {
+            Kind::Rider { controller, .. } => controller.rear_arc_length(),
+            Kind::Balancer(_) => 0.0,
+        }
+    }
+
+    /// Way on which the controller promises to stop from `speed` (m/s), m.
+    pub fn stopping_distance(&self, speed: f64) -> f64 {
+        match &self.kind {
+            Kind::Rider { controller, .. } => controller.stopping_distance(speed),
+            Kind::Balancer(_) => 0.0,
+        }
+    }
+
+    /// Rides `path` from now on, which has the bike `near` m along it.
+    pub fn replace_path(&mut self, path: &CurvePath, near: f64) -> Result<(), ControlError> {
+        match &mut self.kind {
+            Kind::Rider { controller, .. } => controller.replace_path(path, near),
+            Kind::Balancer(_) => Ok(()),
+        }
+    }
+
+    /// Where to be at rest at the latest, m of arc length on the planned path.
+    pub fn set_stop(&mut self, stop: Option<f64>) {
+        if let Kind::Rider { controller, .. } = &mut self.kind {
+            controller.set_stop(stop);
+        }
+    }
+
     /// The followed curve with its speed profile, thinned to one sample per `step` metres.
     pub fn followed_path(&self, step: f64) -> Vec<PathSample> {
         let Kind::Rider { controller, .. } = &self.kind else {

@@ -151,6 +151,17 @@ impl RideMetrics {
         Some(rear.distance)
     }
 
+    /// Goes over to another path, which begins as the old one did.
+    pub fn replace_path(&mut self, path: &CurvePath) {
+        let m = &mut self.metrics;
+        raise(&mut m.max_path_curvature_per_m, path.max_curvature());
+        *m.replans.get_or_insert(0) += 1;
+        // Which corner of all paths was the sharpest says nothing.
+        self.corner = None;
+        m.corner_speed_mps = None;
+        self.corner_speed = None;
+    }
+
     /// How far the rear contact has come along the planned path, m.
     pub fn progress(&self) -> f64 {
         self.rear_s

@@ -273,11 +273,17 @@ pub enum NoticeKind {
     Interrupted,
     /// A margin ran out, or is wide open again, and the controller acts on it; value: the share of it in use.
     Supervisor,
+    /// No way on is known: the bike brakes, or stands; value: arc length at which it is to stand, m.
+    Halted,
+    /// There is a way on again; value: arc length of the bike, m.
+    Resumed,
+    /// What was believed free is so no more, within the stopping distance; value: way to it, m.
+    Emergency,
 }
 
 impl NoticeKind {
     /// Every kind, in the order of the list.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 20] = [
         Self::Collision,
         Self::GoalReached,
         Self::Fell,
@@ -295,6 +301,9 @@ impl NoticeKind {
         Self::TimedOut,
         Self::Interrupted,
         Self::Supervisor,
+        Self::Halted,
+        Self::Resumed,
+        Self::Emergency,
     ];
 
     /// The name on the wire.
@@ -318,6 +327,9 @@ impl NoticeKind {
             Self::TimedOut => "timed_out",
             Self::Interrupted => "interrupted",
             Self::Supervisor => "supervisor",
+            Self::Halted => "halted",
+            Self::Resumed => "resumed",
+            Self::Emergency => "emergency",
         }
     }
 }

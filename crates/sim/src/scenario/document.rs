@@ -382,6 +382,7 @@ impl Scenario {
             supervisor: Default::default(),
             laser: Default::default(),
             mapper: Default::default(),
+            online: Default::default(),
             obstacle: Vec::new(),
             plant: Default::default(),
             noise: Default::default(),

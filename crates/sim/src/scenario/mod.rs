@@ -20,6 +20,7 @@ pub use document::{Explained, Origin, Override, ScenarioError, ScenarioFile};
 pub use obstacle::{ObstacleSection, Repeat};
 pub use schema::json_schema;
 
+use crate::online::OnlineParams;
 use crate::outcome::Expect;
 use crate::record::RecordOptions;
 use bikebot_control::{BalanceParams, FollowParams, SupervisorParams};
@@ -76,6 +77,9 @@ pub struct Scenario {
     /// How the laser's scans become a map where the bike does not know its field.
     #[serde(default)]
     pub mapper: MapperParams,
+    /// Planning while riding, from what the laser has shown.
+    #[serde(default)]
+    pub online: OnlineParams,
     /// What stands or moves in the field beside the map.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 1000))]
@@ -102,7 +106,7 @@ pub struct Scenario {
 }
 
 /// `[map]`: what is in the way.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MapSection {
     /// Map file, relative to the scenario: map_server YAML, PNG, PGM, BMP, MovingAI `.map`, or a
@@ -118,6 +122,9 @@ pub struct MapSection {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1000.0))]
     pub scale: Option<f64>,
+    /// Whether the planner is given the map. `false`: it knows the field's extent and what the laser shows while riding, no more.
+    #[serde(skip_serializing_if = "Clone::clone")]
+    pub known: bool,
     /// Reads unknown cells of a grid map as free instead of solid.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub unknown_is_free: bool,
@@ -135,6 +142,22 @@ pub struct MapSection {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[serde(rename = "box")]
     pub block: Vec<BoxShape>,
+}
+
+impl Default for MapSection {
+    fn default() -> Self {
+        Self {
+            file: None,
+            meters_per_cell: None,
+            scale: None,
+            known: true,
+            unknown_is_free: false,
+            bounds_m: None,
+            disc: Vec::new(),
+            polygon: Vec::new(),
+            block: Vec::new(),
+        }
+    }
 }
 
 /// `[[map.disc]]`.

@@ -8,8 +8,11 @@ mod ends;
 mod laser;
 mod maps;
 mod obstacles;
+mod online;
 mod path_source;
 mod rates;
+
+pub use online::OnlineSetup;
 
 use crate::clock::{Period, SimTime};
 use crate::outcome::Expect;
@@ -130,6 +133,8 @@ pub struct Setup {
     pub laser: LaserParams,
     /// How its scans become a belief.
     pub mapper: MapperParams,
+    /// How the ride plans from what its laser shows; `None` where the path is made once and for all.
+    pub online: Option<OnlineSetup>,
     /// Sensors.
     pub noise: SensorParams,
     /// What the world does to the true bike, and what breaks on it.
@@ -216,6 +221,7 @@ impl Resolver<'_> {
         let (footprint, planning_footprint) = self.footprints()?;
         self.starts_clear(&traffic, &footprint, &start.pose, start_pose.as_ref())?;
         let (true_bike, mode_changes) = self.bike()?;
+        let online = self.online(&path, &laser, start_pose.as_ref())?;
         Ok(Setup {
             name: scenario.name.clone(),
             seed: scenario.run.seed,
@@ -241,6 +247,7 @@ impl Resolver<'_> {
             supervisor: scenario.supervisor.clone(),
             laser,
             mapper,
+            online,
             noise: scenario.noise,
             disturbances,
             plant: scenario.plant.model,
