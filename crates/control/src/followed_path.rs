@@ -433,20 +433,29 @@ impl FollowedPath {
     /// than [`Self::project`], and equal to it as long as the guess is good.
     #[must_use]
     pub fn project_near(&self, point: Point2, near: f64) -> Projection {
-        /// The foot is not looked for beyond this share of the way to the centre of curvature.
-        const WITHIN: f64 = 0.2;
         let mut s = near;
         let mut lateral = 0.0;
         for _ in 0..2 {
-            let sample = self.sample(s);
-            let (sin, cos) = sample.heading.sin_cos();
-            let offset = point - sample.position;
-            let along = offset.x * cos + offset.y * sin;
-            let side = offset.y * cos - offset.x * sin;
-            s += along / (1.0 - sample.curvature * side).max(WITHIN);
-            lateral = side - 0.5 * sample.curvature * along * along;
+            Projection { s, lateral } = self.project_once(point, s);
         }
         Projection { s, lateral }
+    }
+
+    /// One Newton step from arc length `guess`, m: enough where the guess is off by no more than rounding a corner makes it, as one step of a
+    /// roll-out ahead of the last foot.
+    #[must_use]
+    pub fn project_once(&self, point: Point2, guess: f64) -> Projection {
+        /// The foot is not looked for beyond this share of the way to the centre of curvature.
+        const WITHIN: f64 = 0.2;
+        let sample = self.sample(guess);
+        let (sin, cos) = sample.heading.sin_cos();
+        let offset = point - sample.position;
+        let along = offset.x * cos + offset.y * sin;
+        let side = offset.y * cos - offset.x * sin;
+        Projection {
+            s: guess + along / (1.0 - sample.curvature * side).max(WITHIN),
+            lateral: side - 0.5 * sample.curvature * along * along,
+        }
     }
 }
 

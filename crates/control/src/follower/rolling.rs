@@ -46,6 +46,8 @@ impl MotionLimits {
 pub struct RollingBike {
     /// Where it is and how it moves; the roll is of no interest here.
     pub measured: Measurement,
+    /// tan(psi): it is the dearest part of a step.
+    slope: f64,
     limits: MotionLimits,
     dt: f64,
     /// What is left of the lag of the steering rate after a step.
@@ -63,6 +65,7 @@ impl RollingBike {
         };
         Self {
             measured: *measured,
+            slope: measured.steer.tan(),
             limits: *limits,
             dt,
             memory,
@@ -91,10 +94,12 @@ impl RollingBike {
         let departure = m.steer_rate - command;
         let turned = command * dt + departure * l.steer_lag * (1.0 - self.memory);
         m.steer_rate = command + departure * self.memory;
-        let (before, after) = (m.steer, (m.steer + turned).clamp(-l.steer, l.steer));
+        let after = (m.steer + turned).clamp(-l.steer, l.steer);
         let (slow, fast) = (m.speed, (m.speed + acceleration * dt).max(0.0));
         let w = l.wheelbase;
-        let (yaw_before, yaw_after) = (slow * before.tan() / w, fast * after.tan() / w);
+        let slope = self.slope;
+        self.slope = after.tan();
+        let (yaw_before, yaw_after) = (slow * slope / w, fast * self.slope / w);
         let (speed, yaw_rate) = (0.5 * (slow + fast), 0.5 * (yaw_before + yaw_after));
         let (sin, cos) = (m.pose.heading + 0.5 * yaw_rate * dt).sin_cos();
         m.pose.position += Vector2::new(cos, sin) * (speed * dt);

@@ -156,7 +156,7 @@ impl SteeringFollower {
         let limit = self.limits.steer;
         let advance = |bike: &mut RollingBike| {
             let m = &bike.measured;
-            let projection = path.project_near(self.own.point(m), s);
+            let projection = path.project_once(self.own.point(m), s + m.speed * bike.dt());
             let wanted = self
                 .law
                 .steering_angle(path, &m.pose, m.speed, &projection)
