@@ -40,9 +40,9 @@ const DOUBTED: f64 = 0.5;
 /// Searches in vain at one place before the bike goes on to the next.
 const IN_VAIN: u32 = 3;
 /// A search that has failed while standing is repeated so many periods later: only a change in the map, or another seed, can help.
-const STANDING_PERIODS: f64 = 3.0;
+const STANDING_PERIODS: f64 = 5.0;
 /// Beyond what the bike's outline is grown by in the proof of free space, the tighter of the two plans keeps this, m: the steps of the proof.
-const PROOF_STEPS: f64 = 0.05;
+const PROOF_STEPS: f64 = 0.02;
 /// A path with less than this to go is not improved, m.
 const NEARLY_THERE: f64 = 2.0;
 
@@ -248,7 +248,9 @@ impl Navigator {
             last = last.or(Some(report));
         }
         if !matches!(halt, Some(Halt::GoalBlocked | Halt::Disconnected))
-            && let Some((curves, states)) = self.search_states(self.start, PATIENCE)
+            && let (outline, margin) = &self.rooms[1]
+            && let Some((curves, states)) =
+                self.search_states(self.start, outline, *margin, PATIENCE)
         {
             self.route = Some(Route {
                 sweep: self.sweep(&curves, 0.0),
@@ -520,14 +522,24 @@ impl Navigator {
             });
         }
         // A proof for the tighter outline is one for all.
-        if matches!(
-            halt,
-            Halt::GoalBlocked | Halt::Disconnected | Halt::CurvatureInfeasible
-        ) || is_improvement
-        {
+        let is_proved = match halt {
+            Halt::GoalBlocked | Halt::Disconnected => true,
+            Halt::CurvatureInfeasible => !stands,
+            _ => false,
+        };
+        if is_proved || is_improvement {
             return Err(halt);
         }
-        let (new, states) = self.search_states(previous.start(), patience).ok_or(halt)?;
+        let (outline, margin) = &self.rooms[1];
+        let start = previous.start();
+        let found = self.search_states(start, outline, *margin, patience);
+        // At rest nothing less than the bike itself is in the way.
+        let found = found.or_else(|| {
+            stands
+                .then(|| self.search_states(start, &self.bike, 0.0, patience))
+                .flatten()
+        });
+        let (new, states) = found.ok_or(halt)?;
         let curves = joined(old, at, &new).ok_or(halt)?;
         let sweep = self.sweep(&curves, self.s);
         if look(&sweep, self.s, &self.belief).solid.is_some() {
@@ -545,14 +557,19 @@ impl Navigator {
     }
 
     /// A rough path by search over poses and steering angles, and the states it took.
-    fn search_states(&self, start: EndPose, patience: u64) -> Option<(CurvePath, u64)> {
-        let (outline, margin) = &self.rooms[1];
+    fn search_states(
+        &self,
+        start: EndPose,
+        outline: &Footprint,
+        margin: f64,
+        patience: u64,
+    ) -> Option<(CurvePath, u64)> {
         let problem = PlanningProblem {
             start,
             ..self.problem(outline.clone())
         };
         let resolution = self.planner.clearance_resolution();
-        let checker = MotionChecker::new(problem.world, outline, *margin, resolution);
+        let checker = MotionChecker::new(problem.world, outline, margin, resolution);
         let budget = Budget::of_iterations(self.online.states.saturating_mul(patience));
         let found = lattice::search(&problem, &checker, &mut Meter::new(&budget));
         Some((found.path?, found.expansions))

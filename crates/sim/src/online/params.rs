@@ -87,7 +87,7 @@ impl Default for OnlineParams {
             iterations: 5_000,
             states: 10_000,
             starts: 8,
-            tracking_allowance: 0.05,
+            tracking_allowance: 0.03,
             plan_margin: 0.05,
             stop_margin: 0.15,
             search_period: 0.2,

@@ -5,7 +5,7 @@
 //! the first thing stand that is known to be in the way?
 //!
 //! Places are taken every [`STEP`]; between two of them no point of the outline moves farther than half a step times
-//! √((1 + κ·aside)² + (κ·ahead)²), and by so much the outline is grown on top. So a cell may be listed a few centimetres too early, never
+//! √((1 + κ·aside)² + (κ·ahead)²), and by so much the outline is grown on top. So a cell may be listed a centimetre or two too early, never
 //! too late, and none is left out.
 
 use bikebot_geometry::{CurvePath, FergusonCurve};
@@ -14,7 +14,7 @@ use bikebot_world::{Footprint, OccupancyGrid};
 use super::hull::{Posed, RoundedBox};
 
 /// Spacing of the places at which the outline is put down, m.
-const STEP: f64 = 0.04;
+const STEP: f64 = 0.02;
 /// Two stretches that lie this near together are one, m: far above rounding.
 const TOGETHER: f64 = 1e-6;
 /// In place of a cell: beyond the edge of the grid.

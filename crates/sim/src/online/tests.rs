@@ -506,7 +506,7 @@ fn a_ride_repeats_to_the_last_bit() {
 
 #[test]
 fn a_goal_with_something_on_it_is_named_as_the_reason() {
-    let mut case = corridor(vec![block(17.5, 3.5, 18.5, 4.5)]);
+    let mut case = corridor(vec![block(17.75, 3.75, 18.25, 4.25)]);
     case.online.give_up = 2.0;
     let ridden = case.ride();
     assert_safe(&ridden, "goal");
