@@ -38,6 +38,10 @@ const SPACING: f64 = 0.1;
 const BEYOND: f64 = 1.0;
 const BLOCK: f64 = 0.8;
 
+/// Ends on a map lie at least this far apart, m, and are drawn at most so often.
+const APART: f64 = 4.0;
+const TRIES: u32 = 5000;
+
 /// Noise of laser and sensors that every ride of the campaign has.
 const NOISE: &str = "\
 [laser]
@@ -184,24 +188,26 @@ pub fn on_map(suite: &str, file: &str, scale: f64, seed: u64, read: Read<'_>) ->
         let y = bounds.min.y + bounds.height() * unit(&mut rng);
         Pose2::new(x, y, std::f64::consts::TAU * (unit(&mut rng) - 0.5))
     };
-    for _ in 0..2000 {
-        let (start, goal) = (place(), place());
-        let is_far = (goal.position - start.position).norm() > 4.0;
-        if is_far && !world.overlaps(&outline, &start) && !world.overlaps(&outline, &goal) {
-            let p = start.position;
-            let text = format!(
-                "{head}{}{tail}",
-                ends(p.x, p.y, start.heading.to_degrees(), goal.position)
-            );
-            return Some(Case {
-                suite: suite.to_owned(),
-                seed,
-                text,
-                has_surprise: false,
-            });
-        }
-    }
-    None
+    let mut free = |from: Option<Point2>| {
+        (0..TRIES).find_map(|_| {
+            let pose = place();
+            let is_far = from.is_none_or(|from| (pose.position - from).norm() > APART);
+            (is_far && !world.overlaps(&outline, &pose)).then_some(pose)
+        })
+    };
+    let start = free(None)?;
+    let goal = free(Some(start.position))?;
+    let p = start.position;
+    let text = format!(
+        "{head}{}{tail}",
+        ends(p.x, p.y, start.heading.to_degrees(), goal.position)
+    );
+    Some(Case {
+        suite: suite.to_owned(),
+        seed,
+        text,
+        has_surprise: false,
+    })
 }
 
 /// Opens the files that a scenario names.
