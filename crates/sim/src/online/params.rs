@@ -9,8 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct OnlineParams {
     /// Plan again while riding, from what the laser has shown. `map.known = false` does so whatever this says.
     pub enabled: bool,
-    /// Time a plan takes, s: it is made of what was known so long before it is taken over. In simulated time, so that a ride repeats;
-    /// 0.1 s are twenty times what a plan takes on one core.
+    /// Time a plan takes, s: it is made of what was known so long before it is taken over. In simulated time, so that a ride repeats.
     #[serde(rename = "latency_s")]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub latency: f64,
@@ -26,7 +25,7 @@ pub struct OnlineParams {
     /// as with its nose to a wall.
     #[schemars(range(min = 0, max = 10_000_000))]
     pub states: u64,
-    /// Ways round obstacles on other sides that one plan may look for, beside the shortest. Each takes about a millisecond.
+    /// Ways round obstacles on other sides that one plan may look for, beside the shortest.
     #[schemars(range(min = 0, max = 1000))]
     pub starts: u32,
     /// How far the bike may be beside its path, m. So much more than its outline has to be seen free before it is ridden.

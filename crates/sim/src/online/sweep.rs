@@ -1,7 +1,7 @@
 //! Which cells of the belief the bike will ride over, and where on its path it first reaches each.
 //!
 //! The outline, grown by what the follower is allowed, is carried along the path once. After that one look along the list answers both
-//! questions that are asked after every scan, in microseconds and without any clearance field: how far is all of it known to be free, and where does
+//! questions that are asked after every scan, without any clearance field: how far is all of it known to be free, and where does
 //! the first thing stand that is known to be in the way?
 //!
 //! Places are taken every [`STEP`]; between two of them no point of the outline moves farther than half a step times
