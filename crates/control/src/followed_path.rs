@@ -312,7 +312,8 @@ impl FollowedPath {
     #[must_use]
     pub fn own_at(&self, rear: f64) -> f64 {
         let last = self.rear.len() - 1;
-        if rear < self.rear[0] {
+        // Negated, so that what is no number stays none.
+        if !(rear >= self.rear[0]) {
             return rear - self.rear[0];
         }
         if rear >= self.rear[last] {

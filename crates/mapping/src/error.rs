@@ -27,6 +27,24 @@ pub enum MappingError {
         /// Largest log-odds a cell may have.
         occupied_limit: f64,
     },
+    /// Thresholds that would free a cell for what hit it, or fill one for what passed.
+    #[error(
+        "the mapper's free_at {free_at} must lie below 0 and occupied_at {occupied_at} above 0, by a thousandth at least: a cell of which nothing is known has log-odds of 0"
+    )]
+    ThresholdSigns {
+        /// At most this: free.
+        free_at: f64,
+        /// At least this: occupied.
+        occupied_at: f64,
+    },
+    /// Moving things whose least radius is above the largest.
+    #[error("the tracker's min_radius_m {min} m is above max_radius_m {max} m")]
+    Radii {
+        /// Least radius, m.
+        min: f64,
+        /// Largest radius, m.
+        max: f64,
+    },
     /// A pose that is not a number, so that nobody knows where the scan was taken.
     #[error(
         "beam {beam} of the scan was fired at ({x} m, {y} m, {heading} rad) with a roll of {roll} rad: each must be finite"

@@ -6,6 +6,7 @@
 //! | `mapper` | [`Mapper`]: scans in, changed cells out |
 //! | `params` | [`MapperParams`], `[mapper]` of a scenario |
 //! | `beam` | where a beam of the leaning, moving laser went, and how high |
+//! | `beside` | what is met beside each beam |
 //! | `marks` | the cells a scan passed and hit, each once |
 //! | `evidence` | how much a scan says, and when a cell changes its mind |
 //! | [`logs`] | logs of real scans, and maps made of them |
@@ -22,6 +23,7 @@
 
 mod beam;
 mod belief;
+mod beside;
 mod error;
 mod evidence;
 pub mod logs;

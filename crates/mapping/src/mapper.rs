@@ -6,6 +6,7 @@ use bikebot_world::{Cell, Footprint, OccupancyGrid};
 
 use crate::beam::{Beam, Device};
 use crate::belief::BeliefGrid;
+use crate::beside::Beside;
 use crate::error::MappingError;
 use crate::evidence::{Thresholds, Weights};
 use crate::marks::{HIT, Marks};
@@ -74,6 +75,7 @@ pub struct Mapper {
     beams: Vec<Beam>,
     /// Distance over ground of the nearest thing met in a tube about each beam, then up to which it clears, m.
     nearest: Vec<f64>,
+    beside: Beside,
     hits: Vec<Hit>,
     changes: Vec<(usize, usize, Cell)>,
 }
@@ -134,6 +136,7 @@ impl Mapper {
             marks: Marks::new(grid.width, grid.height),
             beams: Vec::with_capacity(beams),
             nearest: Vec::with_capacity(beams),
+            beside: Beside::with_capacity(beams),
             hits: Vec::with_capacity(beams),
             changes: Vec::with_capacity(1024),
             belief,
@@ -282,19 +285,16 @@ impl Mapper {
         self.nearest.clear();
         self.nearest.resize(count, f64::INFINITY);
         let step = angle_step.abs();
-        for (j, beam) in self.beams.iter().enumerate() {
-            let met = beam.met;
-            if met.is_finite() {
-                let beside = self.surface_margin + self.params.lateral_variance(met).sqrt();
+        let (beams, params, margin) = (&self.beams, &self.params, self.surface_margin);
+        self.beside.lower(
+            &mut self.nearest,
+            |beam| beams[beam].met,
+            |met| {
+                let beside = margin + params.lateral_variance(met).sqrt();
                 // A cast saturates: without a step the beams are one.
-                let reach = (beside / (met * step)) as usize;
-                let first = j.saturating_sub(reach);
-                let last = j.saturating_add(reach).min(count - 1);
-                for nearest in &mut self.nearest[first..=last] {
-                    *nearest = nearest.min(met);
-                }
-            }
-        }
+                (beside / (met * step)) as usize
+            },
+        );
         for i in 0..count {
             if self.beams[i].is_missing {
                 let witnesses = i.saturating_sub(WITNESSES)..=(i + WITNESSES).min(count - 1);

@@ -1,6 +1,7 @@
 //! `[mapper]`: how scans become a belief.
 
 use crate::error::MappingError;
+use crate::evidence::UNIT;
 use crate::tracks::TrackerParams;
 
 /// How much a scan tells, and what it takes to believe it.
@@ -103,11 +104,11 @@ impl Default for MapperParams {
 }
 
 impl MapperParams {
-    /// Checks that the thresholds are in order.
+    /// Checks that the thresholds are in order, and those of unknown cells between them, and the tracker's parameters.
     ///
     /// # Errors
     ///
-    /// [`MappingError::Thresholds`].
+    /// [`MappingError::Thresholds`], [`MappingError::ThresholdSigns`], or as [`TrackerParams::check`].
     pub fn check(&self) -> Result<(), MappingError> {
         let ladder = [
             -self.free_limit,
@@ -117,18 +118,25 @@ impl MapperParams {
             self.occupied_at,
             self.occupied_limit,
         ];
-        if ladder.is_sorted() && self.free_at < self.occupied_at {
-            Ok(())
-        } else {
-            Err(MappingError::Thresholds {
+        if !(ladder.is_sorted() && self.free_at < self.occupied_at) {
+            return Err(MappingError::Thresholds {
                 free_limit: ladder[0],
                 free_at: ladder[1],
                 free_until: ladder[2],
                 occupied_until: ladder[3],
                 occupied_at: ladder[4],
                 occupied_limit: ladder[5],
-            })
+            });
         }
+        // Log-odds are counted in thousandths: nearer to zero than one they would round to it.
+        let least = UNIT.recip();
+        if self.free_at > -least || self.occupied_at < least {
+            return Err(MappingError::ThresholdSigns {
+                free_at: self.free_at,
+                occupied_at: self.occupied_at,
+            });
+        }
+        self.tracker.check()
     }
 
     /// Allowed error of the roll, rad.
@@ -163,6 +171,41 @@ mod tests {
             assert!(bounded, "{key}: {property}");
             assert!(property.get("description").is_some(), "{key}");
         }
+    }
+
+    #[test]
+    fn no_threshold_lets_a_hit_free_or_a_miss_fill_an_unknown_cell() {
+        // With free_at above 0 a first hit from afar, worth 0.3, would leave the cell free.
+        for (free_at, occupied_at) in [
+            (0.5, 0.7),
+            (0.0, 0.7),
+            (-1.0, -0.5),
+            (-1.0, 0.0),
+            (-1e-4, 0.7),
+        ] {
+            let params = MapperParams {
+                free_at,
+                free_until: free_at,
+                occupied_until: occupied_at,
+                occupied_at,
+                ..MapperParams::default()
+            };
+            let refused = params.check().expect_err("the wrong side of zero");
+            assert!(refused.to_string().contains("above 0"), "{refused}");
+        }
+    }
+
+    #[test]
+    fn a_least_radius_above_the_largest_is_refused() {
+        let params = MapperParams {
+            tracker: TrackerParams {
+                min_radius: 2.0,
+                ..TrackerParams::default()
+            },
+            ..MapperParams::default()
+        };
+        let refused = params.check().expect_err("no radius between").to_string();
+        assert!(refused.contains("min_radius_m 2 m"), "{refused}");
     }
 
     #[test]

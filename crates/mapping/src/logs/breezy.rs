@@ -25,12 +25,13 @@ use bikebot_dynamics::LaserScan;
 use bikebot_geometry::Pose2;
 
 use super::error::shorten;
-use super::{Clock, LogError, LogFormat, LogOptions, LogProblem, LoggedScan, ScanLog, level_laser};
+use super::{
+    Clock, FARTHEST, LogError, LogFormat, LogOptions, LogProblem, LoggedScan, MOST_BEAMS, ScanLog,
+    level_laser,
+};
 
 /// Fields before the ranges.
 const HEADER: usize = 24;
-/// Most ranges a line may hold.
-const MOST_BEAMS: usize = 100_000;
 
 /// Wheel radius, m.
 const WHEEL_RADIUS: f64 = 0.077;
@@ -90,11 +91,22 @@ pub(super) fn parse(name: &str, text: &str, options: &LogOptions) -> Result<Scan
     let mut clock = Clock::default();
     for (index, content) in text.lines().enumerate() {
         let line = index + 1;
-        let fields: Vec<&str> = content.split_ascii_whitespace().collect();
-        if fields.is_empty() || fields[0].starts_with('#') {
+        let words = content.split_ascii_whitespace();
+        if words
+            .clone()
+            .next()
+            .is_none_or(|word| word.starts_with('#'))
+        {
             continue;
         }
         let fail = |problem| LogError::new(name, Some(line), problem);
+        // Counted before they are kept: a line may be as long as the file.
+        let count = words.clone().count();
+        if count > HEADER + MOST_BEAMS {
+            let found = count - HEADER;
+            return Err(fail(LogProblem::TooManyBeams { found }));
+        }
+        let fields: Vec<&str> = words.collect();
         if fields.len() < HEADER {
             return Err(fail(LogProblem::CutShort {
                 found: fields.len(),
@@ -106,9 +118,6 @@ pub(super) fn parse(name: &str, text: &str, options: &LogOptions) -> Result<Scan
         let beams = fields.len() - HEADER;
         if beams == 0 {
             return Err(fail(LogProblem::NoBeams));
-        }
-        if beams > MOST_BEAMS {
-            return Err(fail(LogProblem::TooManyBeams { found: beams }));
         }
         if let Some(first) = scans.first()
             && first.scan.ranges.len() != beams
@@ -132,14 +141,15 @@ pub(super) fn parse(name: &str, text: &str, options: &LogOptions) -> Result<Scan
         clock.advance(name, line, start)?;
         let wheel = "a whole number of wheel counts";
         let counts = (integer(2, wheel)?, integer(3, wheel)?);
-        match &mut odometer {
-            Some(odometer) => odometer.advance(counts),
-            None => {
-                odometer = Some(Odometer {
-                    counts,
-                    pose: Pose2::new(0.0, 0.0, 0.0),
-                });
-            }
+        let odometer = odometer.get_or_insert(Odometer {
+            counts,
+            pose: Pose2::new(0.0, 0.0, 0.0),
+        });
+        odometer.advance(counts);
+        let at = odometer.pose.position;
+        let is_near = at.x.abs() <= FARTHEST && at.y.abs() <= FARTHEST;
+        if !is_near {
+            return Err(fail(LogProblem::Strayed { x: at.x, y: at.y }));
         }
         // A line this short is of some other device.
         let unused = if beams > 4 * UNUSED { UNUSED } else { 0 };
@@ -170,7 +180,7 @@ pub(super) fn parse(name: &str, text: &str, options: &LogOptions) -> Result<Scan
                 ranges,
                 ..LaserScan::default()
             },
-            pose: odometer.map_or(Pose2::new(0.0, 0.0, 0.0), |odometer| odometer.pose),
+            pose: odometer.pose,
         });
     }
     let mut laser = level_laser(max_range, LASER_AHEAD);
@@ -266,6 +276,14 @@ mod tests {
             (
                 line(2_000_000, 5, 5, "1 1 1").replacen('5', "x", 1),
                 "wheel counts",
+            ),
+            (
+                line(2_000_000, i64::MAX, i64::MAX, "1 1 1"),
+                "the wheel counts carry the robot to (",
+            ),
+            (
+                line(2_000_000, 5, 5, &"1 ".repeat(100_001)),
+                "a scan of 100001 ranges; at most 100000 are read",
             ),
         ] {
             let message = refused(&(good.clone() + &bad));

@@ -18,14 +18,15 @@ use bikebot_dynamics::LaserScan;
 use bikebot_geometry::Pose2;
 
 use super::error::shorten;
-use super::{Clock, LogError, LogFormat, LogOptions, LogProblem, LoggedScan, ScanLog, level_laser};
+use super::{
+    Clock, FARTHEST, LogError, LogFormat, LogOptions, LogProblem, LoggedScan, MOST_BEAMS, ScanLog,
+    level_laser,
+};
 
 /// Ranges from this on are missing returns, m, unless told otherwise: SICK's lasers say 81.83 m.
 const MAX_RANGE: f64 = 80.0;
-/// Most ranges a line may hold.
-const MOST_BEAMS: usize = 100_000;
-/// Largest coordinate of a pose, m.
-const FARTHEST: f64 = 1e6;
+/// Fields of a scan beside its ranges.
+const AROUND: usize = 11;
 /// Most kinds of other lines that are told apart.
 const MOST_KINDS: usize = 64;
 
@@ -110,22 +111,25 @@ pub(super) fn parse(name: &str, text: &str, options: &LogOptions) -> Result<Scan
     let mut odometry_lines = 0;
     let (mut scan_clock, mut odometry_clock) = (Clock::default(), Clock::default());
     for (index, content) in text.lines().enumerate() {
-        let fields: Vec<&str> = content.split_ascii_whitespace().collect();
-        let Some(kind) = fields.first().copied() else {
+        let words = content.split_ascii_whitespace();
+        let Some(kind) = words.clone().next() else {
             continue;
         };
-        let line = Line {
+        // One more than a line may have tells that there are too many; it may be as long as the file.
+        let line = || Line {
             name,
             number: index + 1,
-            fields,
+            fields: words.clone().take(AROUND + MOST_BEAMS + 1).collect(),
         };
         match kind {
             "FLASER" => {
+                let line = line();
                 let logged = scan(&line)?;
                 scan_clock.advance(name, line.number, logged.time)?;
                 scans.push(logged);
             }
             "ODOM" => {
+                let line = line();
                 line.need(10, "ODOM x y theta tv rv accel ipc_time host logger_time")?;
                 line.pose(1)?;
                 odometry_clock.advance(name, line.number, line.time(7)?)?;
@@ -170,7 +174,7 @@ fn scan(line: &Line<'_>) -> Result<LoggedScan, LogError> {
     if beams > MOST_BEAMS {
         return Err(line.fail(LogProblem::TooManyBeams { found: beams }));
     }
-    let expected = 2 + beams + 9;
+    let expected = beams + AROUND;
     line.need(
         expected,
         &format!(

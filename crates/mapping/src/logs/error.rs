@@ -123,6 +123,14 @@ pub enum LogProblem {
         /// Ranges announced.
         found: usize,
     },
+    /// Wheels that have turned farther than any robot rides.
+    #[error("the wheel counts carry the robot to ({x} m, {y} m), beyond ±1e6 m")]
+    Strayed {
+        /// m.
+        x: f64,
+        /// m.
+        y: f64,
+    },
     /// A time before the one before it.
     #[error("the time {time} s comes after {last} s (line {last_line}); times must not go back")]
     TimeWentBack {

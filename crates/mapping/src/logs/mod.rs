@@ -24,8 +24,13 @@ use std::fmt;
 use bikebot_dynamics::{LaserParams, LaserScan};
 use bikebot_geometry::Pose2;
 
-/// Most bytes a log may have.
-pub const MAX_LOG_BYTES: usize = 512 * 1024 * 1024;
+/// Most bytes a log may have. Read, it takes four times as much at the most: a range of one digit and a blank becomes eight bytes.
+pub const MAX_LOG_BYTES: usize = 128 * 1024 * 1024;
+
+/// Most ranges a line may hold.
+const MOST_BEAMS: usize = 100_000;
+/// Largest coordinate of a pose, m.
+const FARTHEST: f64 = 1e6;
 
 /// The formats read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

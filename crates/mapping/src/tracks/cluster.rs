@@ -71,8 +71,10 @@ impl Disc {
             .iter()
             .map(|(_, distance)| *distance)
             .fold(f64::INFINITY, f64::min);
-        let radius =
-            (nearest * half.sin() / (1.0 - half.sin())).clamp(params.min_radius, params.max_radius);
+        // Not clamp, which panics where the largest is below the least.
+        let radius = (nearest * half.sin() / (1.0 - half.sin()))
+            .min(params.max_radius)
+            .max(params.min_radius);
         let (sin, cos) = (0.5 * (least + most)).sin_cos();
         let m = middle.direction;
         let axis = Vector2::new(cos * m.x - sin * m.y, sin * m.x + cos * m.y);

@@ -1,5 +1,7 @@
 //! `[mapper.tracker]`: how moving things are followed.
 
+use crate::error::MappingError;
+
 /// What counts as moving, and how its motion is estimated.
 #[derive(
     Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
@@ -51,6 +53,22 @@ pub struct TrackerParams {
     #[serde(rename = "forget_s")]
     #[schemars(range(min = 0.01, max = 60.0))]
     pub forget: f64,
+}
+
+impl TrackerParams {
+    /// Checks that there are radii between the least and the largest.
+    ///
+    /// # Errors
+    ///
+    /// [`MappingError::Radii`].
+    pub fn check(&self) -> Result<(), MappingError> {
+        let (min, max) = (self.min_radius, self.max_radius);
+        if min <= max {
+            Ok(())
+        } else {
+            Err(MappingError::Radii { min, max })
+        }
+    }
 }
 
 impl Default for TrackerParams {

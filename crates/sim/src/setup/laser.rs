@@ -3,7 +3,7 @@
 use super::{Resolver, SetupError};
 use crate::clock::Period;
 use bikebot_dynamics::{LaserParams, LaserScanner};
-use bikebot_mapping::MapperParams;
+use bikebot_mapping::{MapperParams, MappingError};
 
 impl Resolver<'_> {
     /// The laser as it is mounted: a bike without a map has nothing to look at and carries none.
@@ -86,11 +86,20 @@ impl Resolver<'_> {
                     "mapper.occupied_at",
                     "mapper.occupied_limit",
                 ];
-                let key = KEYS.into_iter().find(|key| self.file.is_written(key));
+                const RADII: [&str; 2] =
+                    ["mapper.tracker.min_radius_m", "mapper.tracker.max_radius_m"];
+                let (keys, help): (&[&str], _) = match error {
+                    MappingError::Radii { .. } => (&RADII, "keep min_radius_m <= max_radius_m"),
+                    _ => (
+                        &KEYS,
+                        "keep -free_limit <= free_at <= free_until <= occupied_until <= occupied_at <= occupied_limit, with free_at < 0 < occupied_at",
+                    ),
+                };
+                let key = keys.iter().find(|key| self.file.is_written(key));
                 self.refuse(
-                    key.unwrap_or("mapper"),
+                    key.copied().unwrap_or("mapper"),
                     format!("[mapper]: {error}"),
-                    "keep -free_limit <= free_at <= free_until <= occupied_until <= occupied_at <= occupied_limit",
+                    help,
                 )
             }
         }
