@@ -64,9 +64,13 @@ fn a_field_too_large_for_its_cells_is_refused_before_anything_is_allocated() {
         matches!(refused.problem, LogProblem::TooLarge { .. }),
         "{refused}"
     );
-    for resolution in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+    for resolution in [0.0, -1.0, 1e-9, 1e9, f64::NAN, f64::INFINITY] {
         let refused = logs::build("far.log", &log, &BuildOptions { resolution }, &mut |_| true);
-        assert!(refused.is_err(), "{resolution}");
+        let refused = refused.expect_err("no size of a cell").problem;
+        assert!(
+            matches!(refused, LogProblem::Resolution { .. }),
+            "{refused}"
+        );
     }
 }
 

@@ -96,6 +96,17 @@ struct BuildJson<'a> {
 /// Makes it.
 pub fn run(args: &BuildArgs, terminal: &Terminal) -> Ending {
     let image = image_name(&args.output)?;
+    for written in [&args.output, &args.output.with_file_name(&image)] {
+        if is_same_file(written, &args.log) {
+            return Err(Failure::usage(
+                Diagnostic::error(format!(
+                    "cannot write {}: it is the log itself",
+                    written.display()
+                ))
+                .help("choose another name for the map; its image gets the same with .pgm"),
+            ));
+        }
+    }
     let bytes = input::read(&args.log, logs::MAX_LOG_BYTES as u64)?;
     let name = args.log.display().to_string();
     let format = args.format.map(|format| match format {
@@ -172,12 +183,22 @@ fn image_name(map: &Path) -> Result<String, Failure> {
     }
     let image = map.with_extension("pgm");
     let name = image.file_name().and_then(|name| name.to_str());
+    // A description has one line for the name.
+    let name = name.filter(|name| !name.chars().any(char::is_control));
     name.map(str::to_owned).ok_or_else(|| {
         Failure::usage(Diagnostic::error(format!(
-            "cannot write {}: the description has to name its image, and this name is no text",
-            map.display()
+            "cannot write {:?}: the description has to name its image, and this name is no text of one line",
+            map.display().to_string()
         )))
     })
+}
+
+/// Whether two names are of one file that is there.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
 }
 
 fn tell(error: &LogError) -> Diagnostic {
@@ -194,7 +215,7 @@ fn tell(error: &LogError) -> Diagnostic {
                 significant(enough)
             ));
         }
-        LogProblem::CutShort { .. } => {
+        LogProblem::CutShort { .. } | LogProblem::RangeCount { .. } => {
             "if only the end of the file is cut off, remove its last line"
         }
         _ => return diagnostic,

@@ -300,7 +300,7 @@ mod tests {
             nothing
                 .expect_err("nothing")
                 .to_string()
-                .contains("no scan in it")
+                .contains("nothing in it")
         );
     }
 }

@@ -11,10 +11,13 @@ use crate::params::MapperParams;
 /// Kept free about what was seen, m: an edge to the map.
 const BORDER: f64 = 1.0;
 
+/// Sides a cell may have, m.
+const RESOLUTIONS: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
+
 /// How a map is made of a log.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BuildOptions {
-    /// Side of a cell, m.
+    /// Side of a cell, m: 0.001 to 100.
     pub resolution: f64,
 }
 
@@ -52,7 +55,7 @@ pub struct BuildSummary {
 ///
 /// # Errors
 ///
-/// [`LogProblem::TooLarge`] for a field too large for cells of this size, [`LogProblem::Map`] for a cell size that is none.
+/// [`LogProblem::Resolution`] for a cell size that is none, [`LogProblem::TooLarge`] for a field too large for cells of it.
 pub fn build(
     name: &str,
     log: &ScanLog,
@@ -60,17 +63,17 @@ pub fn build(
     go_on: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Option<(BeliefGrid, BuildSummary)>, LogError> {
     let params = options.mapper();
+    let resolution = options.resolution;
+    if !RESOLUTIONS.contains(&resolution) {
+        let problem = LogProblem::Resolution { found: resolution };
+        return Err(LogError::new(name, None, problem));
+    }
     let bounds = extent(log);
-    let belief = BeliefGrid::over(bounds, options.resolution).map_err(|error| {
-        let too_large = options.resolution >= 1e-3 && options.resolution.is_finite();
-        let problem = if too_large {
-            LogProblem::TooLarge {
-                width: bounds.width(),
-                height: bounds.height(),
-                resolution: options.resolution,
-            }
-        } else {
-            error.into()
+    let belief = BeliefGrid::over(bounds, resolution).map_err(|_| {
+        let problem = LogProblem::TooLarge {
+            width: bounds.width(),
+            height: bounds.height(),
+            resolution,
         };
         LogError::new(name, None, problem)
     })?;

@@ -61,6 +61,9 @@ pub enum LogProblem {
         "found bytes that are no text; a BreezySLAM or CARMEN log in plain text is read (unpack .gz first)"
     )]
     NotText,
+    /// Blank lines and comments only.
+    #[error("there is nothing in it; a BreezySLAM or CARMEN log is read")]
+    Empty,
     /// Neither of the formats.
     #[error(
         "not a log this program reads: the first line of a BreezySLAM or CARMEN log begins with a time in microseconds or with a word like FLASER"
@@ -146,6 +149,12 @@ pub enum LogProblem {
     NoScans {
         /// What a scan looks like.
         expected: &'static str,
+    },
+    /// Cells of a size that no map has.
+    #[error("cells of {found} m; their side must be 0.001 to 100 m")]
+    Resolution {
+        /// Side of a cell, m.
+        found: f64,
     },
     /// A map too large to be held.
     #[error(

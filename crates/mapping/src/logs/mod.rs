@@ -99,9 +99,10 @@ impl ScanLog {
     #[must_use]
     pub fn distance(&self) -> f64 {
         let steps = self.scans.windows(2);
+        // Not `sum`, to which nothing is −0.
         steps
             .map(|pair| (pair[1].pose.position - pair[0].pose.position).norm())
-            .sum()
+            .fold(0.0, |way, step| way + step)
     }
 }
 
@@ -133,6 +134,9 @@ pub fn read(
         let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
         LogError::new(name, Some(line), LogProblem::NotText)
     })?;
+    if first_telling_line(text).is_none() {
+        return Err(fail(LogProblem::Empty));
+    }
     let format = format
         .or_else(|| recognise(text))
         .ok_or_else(|| fail(LogProblem::UnknownFormat))?;
@@ -156,11 +160,7 @@ pub(crate) const LEAST_RANGE: f64 = 0.02;
 
 /// Tells the format by the first line that says anything.
 fn recognise(text: &str) -> Option<LogFormat> {
-    let first = text
-        .lines()
-        .map(str::trim)
-        .find(|line| !line.is_empty() && !line.starts_with('#'))?;
-    let word = first.split_ascii_whitespace().next()?;
+    let word = first_telling_line(text)?.split_ascii_whitespace().next()?;
     if word.bytes().all(|byte| byte.is_ascii_digit()) {
         Some(LogFormat::Breezy)
     } else if word.starts_with(|c: char| c.is_ascii_uppercase())
@@ -172,6 +172,13 @@ fn recognise(text: &str) -> Option<LogFormat> {
     } else {
         None
     }
+}
+
+/// The first line that is neither blank nor a comment.
+fn first_telling_line(text: &str) -> Option<&str> {
+    text.lines()
+        .map(str::trim)
+        .find(|line| !line.is_empty() && !line.starts_with('#'))
 }
 
 /// A robot's laser, level and at a height where nothing is passed over.
@@ -247,11 +254,25 @@ mod tests {
                 .expect_err("no log")
                 .to_string()
         };
-        assert!(read(b"").contains("BreezySLAM or CARMEN"), "{}", read(b""));
+        for nothing in [&b""[..], b"\n# a log\n"] {
+            assert!(read(nothing).contains("nothing in it"), "{}", read(nothing));
+        }
+        assert!(
+            read(b"?").contains("BreezySLAM or CARMEN"),
+            "{}",
+            read(b"?")
+        );
         let binary = read(b"FLASER\n\xff\xfe");
         assert!(binary.starts_with("a.log:2: "), "{binary}");
         let empty = read(b"PARAM robot_length 1 nohost 0\n");
         assert!(empty.contains("FLASER"), "{empty}");
+    }
+
+    #[test]
+    fn a_robot_that_is_seen_once_has_gone_no_way() {
+        let text = b"FLASER 1 1.0 0 0 0 5 0 0 1 h 1\n";
+        let log = read("a.log", text, None, &LogOptions::default()).expect("a log");
+        assert_eq!(format!("{} {}", log.distance(), log.duration()), "0 0");
     }
 
     #[test]

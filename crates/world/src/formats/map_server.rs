@@ -118,7 +118,7 @@ pub fn parse(name: &str, bytes: &[u8]) -> Result<MapServerFile, MapError> {
     })
 }
 
-/// A grid as the two files map_server reads: the description, and the image it names `image`.
+/// A grid as the two files map_server reads: the description, and the image it names `image`, in one line.
 ///
 /// Thresholds and greys are map_saver's, so what is read back is the same grid, cell by cell.
 #[must_use]
