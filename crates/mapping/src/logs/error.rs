@@ -127,7 +127,7 @@ pub enum LogProblem {
         found: usize,
     },
     /// Wheels that have turned farther than any robot rides.
-    #[error("the wheel counts carry the robot to ({x} m, {y} m), beyond ±1e6 m")]
+    #[error("the wheel counts carry the robot to ({x:.1} m, {y:.1} m), beyond ±1e6 m")]
     Strayed {
         /// m.
         x: f64,

@@ -221,7 +221,7 @@ impl Resolver<'_> {
         let (footprint, planning_footprint) = self.footprints()?;
         self.starts_clear(&traffic, &footprint, &start.pose, start_pose.as_ref())?;
         let (true_bike, mode_changes) = self.bike()?;
-        let online = self.online(&path, &laser, start_pose.as_ref())?;
+        let online = self.online(&path, &laser, start_pose.as_ref(), field.world.as_ref())?;
         Ok(Setup {
             name: scenario.name.clone(),
             seed: scenario.run.seed,

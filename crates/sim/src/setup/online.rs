@@ -3,7 +3,9 @@
 use super::{PathSource, Resolver, SetupError};
 use crate::online::OnlineParams;
 use bikebot_dynamics::LaserParams;
+use bikebot_mapping::BeliefGrid;
 use bikebot_planner::EndPose;
+use bikebot_world::World;
 
 /// How a ride plans from what its laser shows.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +23,7 @@ impl Resolver<'_> {
         path: &PathSource,
         laser: &LaserParams,
         start: Option<&EndPose>,
+        world: Option<&World>,
     ) -> Result<Option<OnlineSetup>, SetupError> {
         let map_is_known = self.scenario.map.as_ref().is_none_or(|map| map.known);
         if map_is_known && !self.scenario.online.enabled {
@@ -52,9 +55,28 @@ impl Resolver<'_> {
                 "add `heading_deg` to [start]",
             );
         }
+        self.belief_fits(world)?;
         Ok(Some(OnlineSetup {
             params: self.scenario.online.clone(),
             map_is_known,
         }))
+    }
+
+    /// Refuses a field of shapes that takes more cells than a grid may have. A map of cells lends the belief its own.
+    fn belief_fits(&self, world: Option<&World>) -> Result<(), SetupError> {
+        let cell = self.scenario.mapper.cell;
+        let Some(field) = world.filter(|world| world.grid().is_none()) else {
+            return Ok(());
+        };
+        let Err(error) = BeliefGrid::over(field.bounds(), cell) else {
+            return Ok(());
+        };
+        let keys = ["mapper.cell_m", "map.bounds_m"];
+        let key = keys.into_iter().find(|key| self.file.is_written(key));
+        self.refuse(
+            key.unwrap_or("map"),
+            format!("the belief about this field in cells of {cell} m (`mapper.cell_m`): {error}"),
+            "take larger cells or a smaller field",
+        )
     }
 }
