@@ -312,8 +312,8 @@ impl FollowedPath {
     #[must_use]
     pub fn own_at(&self, rear: f64) -> f64 {
         let last = self.rear.len() - 1;
-        // Negated, so that what is no number stays none.
-        if !(rear >= self.rear[0]) {
+        // What is no number stays none.
+        if rear < self.rear[0] || rear.is_nan() {
             return rear - self.rear[0];
         }
         if rear >= self.rear[last] {
@@ -797,6 +797,19 @@ mod tests {
             FergusonCurve::straight(c.position, d.position),
         ])
         .unwrap()
+    }
+
+    #[test]
+    fn where_the_own_point_is_leads_back_to_the_rear_contact_and_no_number_to_none() {
+        let path = FollowedPath::new(&bend(), &FollowParams::default(), &LIMITS, AHEAD).unwrap();
+        for i in -100..700 {
+            let rear = 0.01 * f64::from(i) + 0.003;
+            let back = path.rear_at(path.own_at(rear)).0;
+            assert!((back - rear).abs() < 1e-9, "{rear}: {back}");
+        }
+        assert_eq!(path.own_at(f64::INFINITY), f64::INFINITY);
+        assert_eq!(path.own_at(f64::NEG_INFINITY), f64::NEG_INFINITY);
+        assert!(path.own_at(f64::NAN).is_nan());
     }
 
     #[test]
