@@ -45,7 +45,8 @@ pub struct TrackerParams {
     /// Scans a thing must be seen in before it counts.
     #[schemars(range(min = 1, max = 1000))]
     pub confirm_scans: u32,
-    /// Speed it must have shown, m/s, and three standard deviations of it: what stands still is the map's.
+    /// Speed it must have shown, m/s: what stands still is the map's. Three standard deviations of it as well, or so much way that it cannot
+    /// be noise.
     #[serde(rename = "confirm_speed_mps")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub confirm_speed: f64,

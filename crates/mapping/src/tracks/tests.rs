@@ -132,6 +132,26 @@ fn a_walker_is_found_where_it_is_and_as_fast_as_it_is() {
 }
 
 #[test]
+fn who_is_slow_is_found_once_he_has_gone_a_little() {
+    // Slower than three standard deviations of the velocity, 0.7 m/s.
+    let pose = Pose2::new(-6.0, 0.0, 0.0);
+    for seed in 0..4 {
+        let mut scene = Scene::new(seed);
+        scene.settle(pose);
+        let found = (0..60).find(|step| {
+            let y = -1.0 + 0.5 * 0.05 * f64::from(*step);
+            scene.scan(pose, &[(Point2::new(0.0, y), 0.3)]);
+            scene.tracker.tracks().count() == 1
+        });
+        // A quarter of a metre takes half a second.
+        assert!(
+            found.is_some_and(|step| step <= 20),
+            "seed {seed}: {found:?}"
+        );
+    }
+}
+
+#[test]
 fn nothing_moves_in_a_noisy_room_that_stands_still() {
     // 600 scans of 1081 beams from a bike that rides about: half a minute.
     let mut scene = Scene::new(7);

@@ -7,6 +7,8 @@ use super::params::TrackerParams;
 
 /// How much a new measurement of the radius counts.
 const RADIUS_GAIN: f64 = 0.2;
+/// Farther than so many standard deviations of a measured centre from where it was first, it has moved.
+const GONE: f64 = 5.0;
 
 /// A moving thing as it is believed to be: a disc that goes straight on.
 ///
@@ -15,6 +17,8 @@ const RADIUS_GAIN: f64 = 0.2;
 pub struct Track {
     id: u64,
     born: f64,
+    /// Where it was seen first, m.
+    origin: Point2,
     /// Time of the last measurement, s.
     time: f64,
     position: Point2,
@@ -31,6 +35,7 @@ impl Track {
         Self {
             id,
             born: disc.time,
+            origin: disc.centre,
             time: disc.time,
             position: disc.centre,
             velocity: Vector2::zeros(),
@@ -148,7 +153,13 @@ impl Track {
         self.time = disc.time;
         self.seen += 1;
         let enough = params.confirm_speed.max(3.0 * self.velocity_sigma());
-        if self.seen >= params.confirm_scans && self.velocity.norm() > enough {
+        let is_fast = self.velocity.norm() > enough;
+        // Who is slower than the velocity is known shows it by going away.
+        let way = (self.position - self.origin).norm();
+        let has_gone = way > GONE * params.position_sigma
+            && way > params.confirm_speed * self.age()
+            && self.velocity.norm() > params.confirm_speed;
+        if self.seen >= params.confirm_scans && (is_fast || has_gone) {
             self.confirmed = true;
         }
     }
