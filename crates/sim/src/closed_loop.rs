@@ -14,7 +14,7 @@ use crate::disturbance::{Disturbances, MotorFaults, SensorFaults, Turn};
 use crate::error::Error;
 use crate::fall_cause::{FallCause, is_beyond_recovery};
 use crate::monitor::{Edge, FallMonitor, PassivityMonitor, Verdict};
-use crate::online::{Lookout, Motion, Order, Status};
+use crate::online::{Course, Decision, Lookout, Motion, Order, Riding, Status};
 use crate::outcome::{ExpectCheck, Metrics, RunOutcome};
 use crate::picture;
 use crate::pilot::{Pilot, PilotOutput};
@@ -690,7 +690,13 @@ impl<'s> Ride<'s> {
             stopping_distance: self.pilot.stopping_distance(speed),
         };
         let began = self.clock.map(|clock| clock());
-        let (order, before) = lookout.order(&motion);
+        let pilot = &self.pilot;
+        let riding = Riding {
+            profile: &|s| pilot.profile_speed(s),
+            braking: pilot.braking_limits(),
+            acceleration: self.setup.follow.longitudinal_acceleration,
+        };
+        let (order, before) = lookout.order(&motion, &riding);
         if let (true, Some(began), Some(clock)) = (order.searches > 0, began, self.clock) {
             self.replanning += clock() - began;
         }
@@ -705,6 +711,12 @@ impl<'s> Ride<'s> {
             self.metrics.replace_path(&new.curves);
         }
         self.pilot.set_stop(order.stop_at);
+        self.pilot.set_speed_cap(lookout.counsel().speed_cap);
+        for turn in &lookout.counsel().turns {
+            let (kind, text, value) = giving_way_in_words(turn);
+            let text = &text;
+            recorder.record(time, &Event::Notice { kind, text, value })?;
+        }
         self.tell_of(time, &order, before, &motion, recorder)?;
         if let Some(new) = order.path {
             self.path = Some(new.curves);
@@ -1118,6 +1130,41 @@ fn not_finite(state: &BikeState) -> Option<(&'static str, f64)> {
     ]
     .into_iter()
     .find(|(_, value)| !value.is_finite())
+}
+
+/// What is done about something that moves, as a notice.
+fn giving_way_in_words(turn: &Decision) -> (NoticeKind, String, f64) {
+    let Decision {
+        id,
+        contact,
+        way,
+        stopping_distance,
+        ..
+    } = *turn;
+    match turn.course {
+        Course::Clear | Course::Pass => (
+            NoticeKind::Pass,
+            format!("goes before mover {id}, which may be {way:.1} m ahead in {contact:.1} s"),
+            contact,
+        ),
+        Course::SlowDown => (
+            NoticeKind::Yield,
+            format!("slows down to go behind mover {id}, {way:.1} m ahead in {contact:.1} s"),
+            contact,
+        ),
+        Course::Yield => (
+            NoticeKind::Yield,
+            format!("stops for mover {id}, {way:.1} m ahead in {contact:.1} s"),
+            contact,
+        ),
+        Course::Unavoidable => (
+            NoticeKind::Unavoidable,
+            format!(
+                "mover {id} may be met in {contact:.2} s, {way:.2} m ahead, and stopping takes {stopping_distance:.2} m"
+            ),
+            contact,
+        ),
+    }
 }
 
 fn fall_in_words(reason: &str) -> &'static str {

@@ -4,7 +4,8 @@ use crate::error::Error;
 use crate::record::{ControlSample, PathSample, RidePhase};
 use crate::setup::{ScheduledModeChange, Setup};
 use bikebot_control::{
-    AugmentedEnergy, BalanceController, ControlError, Intervention, Phase, RideController,
+    AugmentedEnergy, BalanceController, BrakingLimits, ControlError, Intervention, Phase,
+    RideController,
 };
 use bikebot_dynamics::{BikeState, Command, Measurement, Offset, TwoLinkState};
 use bikebot_geometry::{CurvePath, Point2};
@@ -229,6 +230,36 @@ impl Pilot {
     pub fn set_stop(&mut self, stop: Option<f64>) {
         if let Kind::Rider { controller, .. } = &mut self.kind {
             controller.set_stop(stop);
+        }
+    }
+
+    /// Greatest speed, m/s; `None` leaves it to the profile.
+    pub fn set_speed_cap(&mut self, cap: Option<f64>) {
+        if let Kind::Rider { controller, .. } = &mut self.kind {
+            controller.set_speed_cap(cap);
+        }
+    }
+
+    /// The profile's speed of the rear contact at an arc length of the planned path (m), m/s, without stop lines and greatest speeds.
+    pub fn profile_speed(&self, rear: f64) -> f64 {
+        match &self.kind {
+            Kind::Rider { controller, .. } => {
+                let path = controller.followed_path();
+                let own = path.own_at(rear);
+                path.sample(own).speed / path.rear_at(own).1
+            }
+            Kind::Balancer(_) => 0.0,
+        }
+    }
+
+    /// How hard the controller brakes.
+    pub fn braking_limits(&self) -> BrakingLimits {
+        match &self.kind {
+            Kind::Rider { controller, .. } => controller.braking_limits(),
+            Kind::Balancer(_) => BrakingLimits {
+                service: 0.0,
+                emergency: 0.0,
+            },
         }
     }
 

@@ -133,6 +133,11 @@ impl Posed {
         self.origin + Vector2::new(self.cos * x - self.sin * y, self.sin * x + self.cos * y)
     }
 
+    /// Distance of a point from it, negative within the radius.
+    pub fn gap(&self, p: Vector2) -> f64 {
+        self.distance(p) - self.part.radius
+    }
+
     fn distance(&self, p: Vector2) -> f64 {
         let d = p - self.origin;
         self.part.distance(

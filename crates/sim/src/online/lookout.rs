@@ -2,13 +2,15 @@
 
 use std::collections::VecDeque;
 
+use bikebot_control::BrakingLimits;
 use bikebot_dynamics::laser::{Prisms, Ray, RayScene};
 use bikebot_dynamics::{LaserScan, LaserScanner, Measurement, SweepingLaser};
 use bikebot_geometry::{Pose2, angle};
-use bikebot_mapping::{BeliefGrid, Mapper, MappingError};
+use bikebot_mapping::{BeliefGrid, Mapper, MappingError, Tracker};
 use bikebot_planner::PlanReport;
 use bikebot_world::OccupancyGrid;
 
+use super::giving_way::{Counsel, GivingWay, Ride, Withheld};
 use super::navigator::{Motion, Navigator, Task};
 use super::status::{Halt, Order, Status};
 use crate::chance::{Component, stream};
@@ -44,12 +46,28 @@ struct Placed {
 pub(crate) struct Lookout {
     mapper: Mapper,
     navigator: Navigator,
+    tracker: Tracker,
+    withheld: Withheld,
+    giving_way: GivingWay,
+    counsel: Counsel,
+    /// Whether anything new was seen since the last counsel.
+    has_seen: bool,
     poses: VecDeque<Placed>,
     kept: f64,
     status: Status,
     gives_up: Option<Halt>,
     /// Way left at the last order, m.
     left: f64,
+}
+
+/// How the bike is ridden.
+pub(crate) struct Riding<'a> {
+    /// Greatest speed of the rear contact at an arc length of the path (m), m/s.
+    pub profile: &'a dyn Fn(f64) -> f64,
+    /// How hard the bike brakes.
+    pub braking: BrakingLimits,
+    /// How hard it accelerates, m/s².
+    pub acceleration: f64,
 }
 
 /// A scene in which time stands still.
@@ -113,7 +131,14 @@ impl Lookout {
             seed: setup.seed,
         })?;
         let (plan, halt) = navigator.begin()?;
+        let moving = &online.params.moving;
+        let tracker = setup.mapper.tracker;
         let lookout = Self {
+            withheld: Withheld::new(moving, tracker.confirm_speed, mapper.belief().grid()),
+            giving_way: GivingWay::new(moving, &setup.footprint, online.params.tracking_allowance),
+            tracker: Tracker::new(&tracker),
+            counsel: Counsel::default(),
+            has_seen: false,
             mapper,
             navigator,
             poses: VecDeque::new(),
@@ -158,20 +183,56 @@ impl Lookout {
     /// If the scan, or a pose that was measured while it was taken, is not finite; it is left out then.
     pub fn hear(&mut self, scan: &LaserScan) -> Result<(), MappingError> {
         let poses = &self.poses;
-        let changes = self.mapper.insert(scan, |time| at(poses, time))?;
-        self.navigator.observe(changes);
+        self.mapper.insert(scan, |time| at(poses, time))?;
+        self.tracker.update(&self.mapper);
+        let told = self.withheld.tell(
+            self.mapper.changes(),
+            self.mapper.belief().grid(),
+            self.tracker.tracks(),
+            scan.middle(),
+        );
+        self.navigator.observe(told);
+        self.has_seen = true;
         Ok(())
     }
 
-    /// What to do now, and what the bike did before.
-    pub fn order(&mut self, motion: &Motion) -> (Order, Status) {
+    /// What to do now, and what the bike did before; for what moves see [`Self::counsel`].
+    pub fn order(&mut self, motion: &Motion, riding: &Riding<'_>) -> (Order, Status) {
         let before = self.status;
-        let order = self.navigator.tick(motion);
+        let mut order = self.navigator.tick(motion);
+        self.give_way(motion, riding, &order);
+        if let Some(stop) = self.counsel.stop_at {
+            order.stop_at = Some(order.stop_at.map_or(stop, |other| other.min(stop)));
+        }
         self.status = order.status;
         self.gives_up = order.gives_up;
         let length = self.navigator.path().map_or(0.0, |path| path.length());
         self.left = length - motion.s;
         (order, before)
+    }
+
+    /// What is to be done about all that moves. Its place to stand is in the order already.
+    pub fn counsel(&self) -> &Counsel {
+        &self.counsel
+    }
+
+    fn give_way(&mut self, motion: &Motion, riding: &Riding<'_>, order: &Order) {
+        self.counsel.turns.clear();
+        let is_due = std::mem::take(&mut self.has_seen) || order.path.is_some();
+        let Some(path) = self.navigator.path().filter(|_| is_due) else {
+            return;
+        };
+        let ride = Ride {
+            time: motion.time,
+            s: motion.s,
+            speed: motion.speed,
+            path,
+            profile: riding.profile,
+            braking: riding.braking,
+            up: riding.acceleration,
+            stop: order.stop_at,
+        };
+        self.counsel = self.giving_way.decide(self.tracker.tracks(), &ride);
     }
 
     /// Why the bike stays where it is for good.
@@ -181,7 +242,7 @@ impl Lookout {
 
     /// Whether a bike at rest is only waiting.
     pub fn waits(&self) -> bool {
-        self.status != Status::Clear || self.left > AT_THE_END
+        self.status != Status::Clear || self.left > AT_THE_END || self.giving_way.waits()
     }
 }
 

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::giving_way::GivingWayParams;
+
 /// Planning while riding: the scenario's `[online]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -75,6 +77,8 @@ pub struct OnlineParams {
     #[serde(rename = "start_zone_m")]
     #[schemars(range(min = 0.0, max = 5.0))]
     pub start_zone: f64,
+    /// How the bike rides among things that move.
+    pub moving: GivingWayParams,
 }
 
 impl Default for OnlineParams {
@@ -97,6 +101,7 @@ impl Default for OnlineParams {
             advance: 1.0,
             give_up: 10.0,
             start_zone: 0.3,
+            moving: GivingWayParams::default(),
         }
     }
 }

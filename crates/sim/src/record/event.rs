@@ -279,11 +279,17 @@ pub enum NoticeKind {
     Resumed,
     /// What was believed free is so no more, within the stopping distance; value: way to it, m.
     Emergency,
+    /// The bike goes before something that moves; value: time until that may be there, s.
+    Pass,
+    /// The bike slows down or waits for something that moves; value: time until they would have met, s.
+    Yield,
+    /// Something that moves came so near that the bike cannot stop before it, and brakes as hard as it can; value: time to contact, s.
+    Unavoidable,
 }
 
 impl NoticeKind {
     /// Every kind, in the order of the list.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 23] = [
         Self::Collision,
         Self::GoalReached,
         Self::Fell,
@@ -304,6 +310,9 @@ impl NoticeKind {
         Self::Halted,
         Self::Resumed,
         Self::Emergency,
+        Self::Pass,
+        Self::Yield,
+        Self::Unavoidable,
     ];
 
     /// The name on the wire.
@@ -330,6 +339,9 @@ impl NoticeKind {
             Self::Halted => "halted",
             Self::Resumed => "resumed",
             Self::Emergency => "emergency",
+            Self::Pass => "pass",
+            Self::Yield => "yield",
+            Self::Unavoidable => "unavoidable",
         }
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod compare;
 mod compare_text;
+pub mod crossing;
 pub mod online;
 pub mod robustness;
 pub mod robustness_text;
