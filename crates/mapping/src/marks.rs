@@ -1,6 +1,7 @@
 //! Which cells a scan passed through and which it hit: each once, however many beams.
 
 use bikebot_geometry::Vector2;
+use bikebot_world::overlap_with_grid;
 
 /// A beam passed.
 pub(crate) const PASSED: u8 = 1;
@@ -91,23 +92,7 @@ impl Marks {
             return Some((from, to));
         }
         let span = to - from;
-        let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
-        for axis in 0..2 {
-            if span[axis] == 0.0 {
-                // Written so that NaN counts as off the grid.
-                if !(from[axis] >= 0.0 && from[axis] < size[axis]) {
-                    return None;
-                }
-            } else {
-                let a = -from[axis] / span[axis];
-                let b = (size[axis] - from[axis]) / span[axis];
-                enter = enter.max(a.min(b));
-                leave = leave.min(a.max(b));
-            }
-        }
-        if !(enter <= leave && span.x.is_finite() && span.y.is_finite()) {
-            return None;
-        }
+        let (enter, leave) = overlap_with_grid(size, from, span)?;
         // Half a 4096th inside the edge: the last cell is on the grid.
         let inset = 0.5 / ONE as f64;
         let at = |t: f64| {

@@ -20,6 +20,27 @@ pub struct GridTraversal {
     empty: bool,
 }
 
+/// Between which parameters `t` the segment `from + span t`, 0 ≤ t ≤ 1, is within `[0, size]` (all in cells); `None` for one that never is, or
+/// is not finite.
+#[must_use]
+pub fn overlap_with_grid(size: [f64; 2], from: Vector2, span: Vector2) -> Option<(f64, f64)> {
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    for axis in 0..2 {
+        if span[axis] == 0.0 {
+            // Written so that NaN counts as off the grid.
+            if !(from[axis] >= 0.0 && from[axis] < size[axis]) {
+                return None;
+            }
+        } else {
+            let a = -from[axis] / span[axis];
+            let b = (size[axis] - from[axis]) / span[axis];
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+    }
+    (enter <= leave && span.x.is_finite() && span.y.is_finite()).then_some((enter, leave))
+}
+
 impl GridTraversal {
     pub(crate) fn new(width: usize, height: usize, from: Vector2, to: Vector2) -> Self {
         let mut traversal = Self {
@@ -33,23 +54,9 @@ impl GridTraversal {
         };
         let size = Vector2::new(width as f64, height as f64);
         let span = to - from;
-        let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
-        for axis in 0..2 {
-            if span[axis] == 0.0 {
-                // Written so that NaN counts as off the grid.
-                if !(from[axis] >= 0.0 && from[axis] < size[axis]) {
-                    return traversal;
-                }
-            } else {
-                let a = -from[axis] / span[axis];
-                let b = (size[axis] - from[axis]) / span[axis];
-                enter = enter.max(a.min(b));
-                leave = leave.min(a.max(b));
-            }
-        }
-        if !(enter <= leave && span.x.is_finite() && span.y.is_finite()) {
+        let Some((enter, leave)) = overlap_with_grid([size.x, size.y], from, span) else {
             return traversal;
-        }
+        };
         let cell_at = |t: f64, axis: usize| {
             let last = size[axis] - 1.0;
             (from[axis] + span[axis] * t).floor().clamp(0.0, last) as isize

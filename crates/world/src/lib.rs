@@ -45,6 +45,6 @@ pub use changes::WorldChanges;
 pub use error::WorldError;
 pub use footprint::{Footprint, FootprintDisc, FootprintError, FootprintPolygon};
 pub use grid::{Cell, CellRectangle, OccupancyGrid};
-pub use grid_traversal::GridTraversal;
+pub use grid_traversal::{GridTraversal, overlap_with_grid};
 pub use obstacle::{Bounds, Obstacle};
 pub use world::World;

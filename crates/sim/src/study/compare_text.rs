@@ -1,6 +1,7 @@
 //! The comparison as text for people, as Markdown and as CSV.
 
 use super::compare::{COMPARED, Column, Comparison, Quantity};
+use super::wrapped::wrapped;
 use crate::outcome::{Metrics, WALL_CLOCK_METRICS};
 use crate::sweep::csv_field;
 use std::fmt::Write as _;
@@ -265,22 +266,6 @@ fn fitted(text: &str) -> String {
     }
     let cut: String = text.chars().take(CELL - 2).collect();
     format!("{cut}…")
-}
-
-/// A paragraph in lines of at most `columns`, the second and further ones indented.
-fn wrapped(text: &str, columns: usize) -> String {
-    let mut lines = String::new();
-    let mut line = String::from("*");
-    for word in text.split_whitespace() {
-        if line.chars().count() + 1 + word.chars().count() > columns {
-            let _ = writeln!(lines, "{line}");
-            line = String::from(" ");
-        }
-        line.push(' ');
-        line.push_str(word);
-    }
-    let _ = writeln!(lines, "{line}");
-    lines
 }
 
 #[cfg(test)]

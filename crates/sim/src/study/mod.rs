@@ -9,6 +9,7 @@ pub mod robustness_text;
 mod spread;
 pub mod table2;
 mod table2_text;
+mod wrapped;
 
 pub use compare::{CompareError, CompareStudy, Comparison, Controllers, Known};
 pub use spread::Spread;

@@ -2,6 +2,7 @@
 
 use super::Spread;
 use super::table2::{Row, Table2};
+use super::wrapped::wrapped;
 use std::fmt::Write as _;
 
 /// Headings of the columns: of the group, and of the column.
@@ -241,22 +242,6 @@ fn seconds(value: f64) -> String {
 
 fn width(text: &str) -> usize {
     text.chars().count()
-}
-
-/// A paragraph in lines of at most `columns`, the second and further ones indented.
-fn wrapped(text: &str, columns: usize) -> String {
-    let mut lines = String::new();
-    let mut line = String::from("*");
-    for word in text.split_whitespace() {
-        if width(&line) + 1 + width(word) > columns {
-            let _ = writeln!(lines, "{line}");
-            line = String::from(" ");
-        }
-        line.push(' ');
-        line.push_str(word);
-    }
-    let _ = writeln!(lines, "{line}");
-    lines
 }
 
 #[cfg(test)]
