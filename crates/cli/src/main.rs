@@ -9,10 +9,12 @@ mod in_order;
 mod input;
 mod interrupt;
 mod output;
+mod picture;
 mod plan_json;
 mod recording;
 mod render;
 mod stopwatch;
+mod table;
 mod terminal;
 
 use std::io;

@@ -4,6 +4,7 @@
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
+use std::mem;
 use std::path::{Path, PathBuf};
 
 use crate::diag::Diagnostic;
@@ -11,13 +12,15 @@ use crate::exit::{Failure, plain};
 
 /// An output file on its way. Dropped before [`Output::finish`] it leaves its
 /// `.part` behind when anything was written: what was recorded may be worth
-/// saving (`bikebot log recover`).
+/// saving (`bikebot log recover`). Where nothing was, nothing is left.
 #[derive(Debug)]
 pub struct Output {
     file: File,
     part: PathBuf,
     path: PathBuf,
     replace: bool,
+    /// Whether nothing stands, or is to stand, under the `.part` name any more.
+    is_settled: bool,
 }
 
 impl Output {
@@ -55,6 +58,7 @@ impl Output {
                 part,
                 path: path.to_owned(),
                 replace: force,
+                is_settled: false,
             }),
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
                 Err(Failure::usage(left_over(&part)))
@@ -84,6 +88,7 @@ impl Output {
                         part,
                         path,
                         replace: false,
+                        is_settled: false,
                     });
                 }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
@@ -121,7 +126,8 @@ impl Output {
     }
 
     /// Makes sure the bytes are on the disk and gives the file its name.
-    pub fn finish(self) -> Result<PathBuf, Failure> {
+    pub fn finish(mut self) -> Result<PathBuf, Failure> {
+        self.is_settled = true;
         let done = self.file.sync_all().and_then(|()| {
             if self.replace {
                 fs::rename(&self.part, &self.path)
@@ -130,7 +136,7 @@ impl Output {
             }
         });
         match done {
-            Ok(()) => Ok(self.path),
+            Ok(()) => Ok(mem::take(&mut self.path)),
             Err(error) => Err(Failure::io(
                 Diagnostic::error(format!(
                     "cannot finish {}: {}",
@@ -143,9 +149,22 @@ impl Output {
     }
 
     /// Removes what was begun.
-    pub fn discard(self) {
+    pub fn discard(mut self) {
+        self.remove();
+    }
+
+    fn remove(&mut self) {
+        self.is_settled = true;
         // Nothing more can be done about a file that cannot be removed.
         let _ = fs::remove_file(&self.part);
+    }
+}
+
+impl Drop for Output {
+    fn drop(&mut self) {
+        if !self.is_settled && self.file.metadata().is_ok_and(|facts| facts.len() == 0) {
+            self.remove();
+        }
     }
 }
 
@@ -226,6 +245,19 @@ mod tests {
         output.write_all(b"x\n").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"x\n");
         assert!(!part_name(&path, ".part").exists());
+    }
+
+    #[test]
+    fn what_was_begun_is_left_and_what_was_not_is_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let part = part_name(&path, ".part");
+        drop(Output::create(&path, false).unwrap());
+        assert!(!part.exists());
+        let output = Output::create(&path, false).unwrap();
+        output.handle().unwrap().write_all(b"half").unwrap();
+        drop(output);
+        assert_eq!(fs::read(&part).unwrap(), b"half");
     }
 
     #[test]

@@ -1,18 +1,16 @@
 //! `bikebot compare`: one scenario over several plants and controllers.
 
-use std::path::PathBuf;
-
 use bikebot_sim::study::{CompareError, CompareStudy, Controllers, Known};
 use bikebot_sim::sweep::SweepError;
-use clap::{Args, ValueEnum};
+use clap::Args;
 
-use crate::args::{Changes, Force, Jobs, ScenarioArg};
+use crate::args::{Changes, Jobs, ScenarioArg};
 use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::Loaded;
 use crate::interrupt;
-use crate::output::Output;
 use crate::render;
+use crate::table::{Format, TableArgs};
 use crate::terminal::Terminal;
 
 /// Run one scenario over several plants and controllers, and table the differences
@@ -41,40 +39,12 @@ pub struct CompareArgs {
     /// Controllers, each FOLLOWER, LAW or FOLLOWER+LAW [default: the scenario's]
     #[arg(long, value_name = "FOLLOWER+LAW,…", value_delimiter = ',')]
     pub controllers: Vec<String>,
-    /// How to write the table
-    #[arg(
-        long,
-        value_name = "FORMAT",
-        default_value = "text",
-        hide_possible_values = true,
-        help = "How to write the table: text, markdown, csv or json"
-    )]
-    pub format: Format,
-    /// The same as --format json
-    #[arg(long, conflicts_with = "format")]
-    pub json: bool,
     #[command(flatten)]
     pub changes: Changes,
     #[command(flatten)]
     pub jobs: Jobs,
-    /// Write the table to this file
-    #[arg(short, long, value_name = "FILE")]
-    pub output: Option<PathBuf>,
     #[command(flatten)]
-    pub force: Force,
-}
-
-/// How to write the table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Format {
-    /// Blocks of four columns.
-    Text,
-    /// A table in Markdown.
-    Markdown,
-    /// One line per run.
-    Csv,
-    /// One object.
-    Json,
+    pub table: TableArgs,
 }
 
 /// Compares, and tells.
@@ -86,10 +56,7 @@ pub fn run(args: &CompareArgs, terminal: &Terminal) -> Ending {
         .map(|text| Controllers::parse(text, &known).map_err(|error| tell_name(&error, text)))
         .collect::<Result<Vec<_>, _>>()?;
     let loaded = Loaded::read(&args.scenario.scenario, &args.changes)?;
-    let output = match &args.output {
-        Some(path) => Some(Output::create(path, args.force.force)?),
-        None => None,
-    };
+    let target = args.table.open()?;
     interrupt::install()?;
     let study = CompareStudy {
         file: loaded.file(),
@@ -102,18 +69,10 @@ pub fn run(args: &CompareArgs, terminal: &Terminal) -> Ending {
     let bar = terminal.progress(study.runs() as u64, "comparing");
     let comparison = study.measure(&mut || bar.inc(1));
     bar.finish_and_clear();
-    let comparison = match comparison {
-        Ok(comparison) => comparison,
-        Err(error) => {
-            if let Some(output) = output {
-                output.discard();
-            }
-            return Err(tell(&loaded, error, &known));
-        }
-    };
-    let text = match (args.json, args.format) {
-        (true, _) | (_, Format::Json) => format!("{}\n", comparison.to_json()),
-        (_, Format::Text) => {
+    let comparison = comparison.map_err(|error| tell(&loaded, error, &known))?;
+    let text = match args.table.format() {
+        Format::Json => format!("{}\n", comparison.to_json()),
+        Format::Text => {
             let runs = render::count(comparison.columns.len() as u64, "run");
             let (name, seed) = (&comparison.scenario, comparison.seed);
             format!(
@@ -121,16 +80,10 @@ pub fn run(args: &CompareArgs, terminal: &Terminal) -> Ending {
                 comparison.to_text()
             )
         }
-        (_, Format::Markdown) => comparison.to_markdown(),
-        (_, Format::Csv) => comparison.to_csv(),
+        Format::Markdown => comparison.to_markdown(),
+        Format::Csv => comparison.to_csv(),
     };
-    match output {
-        Some(output) => {
-            let path = output.write_all(text.as_bytes())?;
-            terminal.remark(&format!("wrote {}", render::path(&path)));
-        }
-        None => terminal.print(&text)?,
-    }
+    target.write(&text, terminal)?;
     // That a combination falls is what the table tells, not a failure of it.
     Ok(if comparison.interrupted {
         Exit::Interrupted

@@ -8,7 +8,7 @@ use bikebot_dynamics::whipple::{
     CriticalSpeeds, Modes, ParameterFile, ParameterFileError, SpeedRange, SteeringAssembly,
 };
 use bikebot_dynamics::{BalancerMode, BikeParams, Whipple, WhippleParams};
-use bikebot_report::{EigenvalueFigure, png, svg};
+use bikebot_report::EigenvalueFigure;
 use clap::Args;
 use serde::Serialize;
 
@@ -17,6 +17,7 @@ use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::{self, Loaded};
 use crate::output::Output;
+use crate::picture;
 use crate::render::{self, Sheet};
 use crate::terminal::Terminal;
 
@@ -184,8 +185,7 @@ impl From<&Modes> for ModesJson {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Format {
     Csv,
-    Svg,
-    Png,
+    Picture(picture::Format),
 }
 
 /// Computes, writes, tells.
@@ -214,15 +214,8 @@ pub fn run(args: &EigenvaluesArgs, terminal: &Terminal) -> Ending {
 
     let mut outputs = Vec::new();
     for (path, format) in args.output.iter().zip(formats) {
-        let written = contents(format, &whipple, &critical, &bicycle, &table, args.zoom)
-            .and_then(|bytes| Ok((Output::create(path, args.force.force)?, bytes)));
-        match written {
-            Ok(output) => outputs.push(output),
-            Err(failure) => {
-                outputs.into_iter().for_each(|(output, _)| output.discard());
-                return Err(failure);
-            }
-        }
+        let bytes = contents(format, &whipple, &critical, &bicycle, &table, args.zoom)?;
+        outputs.push((Output::create(path, args.force.force)?, bytes));
     }
     let mut files = Vec::new();
     for (output, bytes) in outputs {
@@ -338,16 +331,18 @@ fn tell(error: &ParameterFileError, name: &str, text: &str) -> Failure {
 }
 
 fn format_of(path: &Path) -> Result<Format, Failure> {
-    let ending = path.extension().and_then(|ending| ending.to_str());
-    match ending.map(str::to_ascii_lowercase).as_deref() {
-        Some("csv") => Ok(Format::Csv),
-        Some("svg") => Ok(Format::Svg),
-        Some("png") => Ok(Format::Png),
-        _ => Err(Failure::usage(
-            Diagnostic::error(format!("{} says no format", path.display()))
-                .help("end its name in .csv for the table, in .svg or .png for the picture"),
-        )),
+    let is_table = |ending: &std::ffi::OsStr| ending.eq_ignore_ascii_case("csv");
+    if path.extension().is_some_and(is_table) {
+        return Ok(Format::Csv);
     }
+    picture::Format::of(path)
+        .map(Format::Picture)
+        .ok_or_else(|| {
+            Failure::usage(
+                Diagnostic::error(format!("{} says no format", path.display()))
+                    .help("end its name in .csv for the table, in .svg or .png for the picture"),
+            )
+        })
 }
 
 /// Half metres a second up to 10 m/s, or up to a fifth past the highest critical speed.
@@ -368,9 +363,10 @@ fn contents(
     table: &[Modes],
     zoom: f64,
 ) -> Result<Vec<u8>, Failure> {
-    if format == Format::Csv {
-        return Ok(csv(table).into_bytes());
-    }
+    let format = match format {
+        Format::Csv => return Ok(csv(table).into_bytes()),
+        Format::Picture(format) => format,
+    };
     let bound = |pick: fn(f64, f64) -> f64| table.iter().map(|modes| modes.speed).reduce(pick);
     let (Some(from), Some(to)) = (bound(f64::min), bound(f64::max)) else {
         return Ok(Vec::new());
@@ -394,12 +390,7 @@ fn contents(
     );
     let title = format!("{} · eigenvalues", bicycle.name);
     let drawing = EigenvalueFigure::new(&curves, critical, title, facts).draw();
-    match format {
-        Format::Png => png::write(&drawing, zoom).map_err(|error| {
-            Failure::usage(Diagnostic::error(error.to_string()).help("give another --zoom"))
-        }),
-        _ => Ok(svg::write(&drawing).into_bytes()),
-    }
+    format.write(&drawing, zoom, "give another --zoom")
 }
 
 /// One line per speed; both values of the weave, real and imaginary parts apart.

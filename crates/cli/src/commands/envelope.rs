@@ -1,13 +1,14 @@
 //! The envelope map of a sweep: its rows put into the cells of a picture.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use bikebot_report::{Cell, Dimension, EnvelopeFigure, Panel, envelope_name, png, svg};
+use bikebot_report::{Cell, Dimension, EnvelopeFigure, Panel, envelope_name};
 use bikebot_sim::RunOutcome;
 use bikebot_sim::sweep::{Row, Vary};
 
 use crate::diag::Diagnostic;
 use crate::exit::Failure;
+use crate::picture;
 
 /// Most panels of a map: beyond, nothing can be read.
 const MAX_PANELS: usize = 24;
@@ -15,7 +16,7 @@ const MAX_PANELS: usize = 24;
 /// A map that is being filled.
 #[derive(Debug)]
 pub struct EnvelopeMap {
-    path: PathBuf,
+    format: picture::Format,
     axes: [Axis; 2],
     /// Names of the values that the panels stand for.
     rest: Vec<String>,
@@ -67,13 +68,12 @@ impl EnvelopeMap {
                 Diagnostic::error(message).help(help.to_owned()),
             ))
         };
-        let ending = path.extension().and_then(|ending| ending.to_str());
-        if !matches!(ending, Some("svg" | "png")) {
+        let Some(format) = picture::Format::of(path) else {
             return refuse(
                 format!("--map {}: which format?", path.display()),
                 "name a file that ends in .svg or .png",
             );
-        }
+        };
         let [x, y, rest @ ..] = varies else {
             return refuse(
                 "--map needs two --vary: what goes to the right and what goes upwards".into(),
@@ -103,7 +103,7 @@ impl EnvelopeMap {
             return refuse("--map needs two axes".into(), "give --vary twice");
         };
         Ok(Self {
-            path: path.to_owned(),
+            format,
             axes,
             rest: rest.iter().map(|vary| vary.key.clone()).collect(),
             panels: Vec::new(),
@@ -165,14 +165,10 @@ impl EnvelopeMap {
                 })
                 .collect(),
         };
-        let refused = |error: bikebot_report::ReportError| {
-            Failure::usage(Diagnostic::error(error.to_string()).help("vary fewer values"))
-        };
-        let drawing = figure.draw().map_err(refused)?;
-        if self.path.extension().is_some_and(|ending| ending == "png") {
-            png::write(&drawing, 2.0).map_err(refused)
-        } else {
-            Ok(svg::write(&drawing).into_bytes())
-        }
+        let help = "vary fewer values";
+        let drawing = figure
+            .draw()
+            .map_err(|error| Failure::usage(Diagnostic::error(error.to_string()).help(help)))?;
+        self.format.write(&drawing, 2.0, help)
     }
 }

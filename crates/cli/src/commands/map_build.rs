@@ -122,13 +122,7 @@ pub fn run(args: &BuildArgs, terminal: &Terminal) -> Ending {
 
     // Opened before the work: names that are taken are told at once.
     let map = Output::create(&args.output, args.force.force)?;
-    let picture = match Output::create(&args.output.with_file_name(&image), args.force.force) {
-        Ok(picture) => picture,
-        Err(failure) => {
-            map.discard();
-            return Err(failure);
-        }
-    };
+    let picture = Output::create(&args.output.with_file_name(&image), args.force.force)?;
     interrupt::install()?;
     let build = BuildOptions {
         resolution: args.resolution,
@@ -139,27 +133,13 @@ pub fn run(args: &BuildArgs, terminal: &Terminal) -> Ending {
         !interrupt::asked()
     });
     bar.finish_and_clear();
-    let (belief, summary) = match built {
-        Ok(Some(built)) => built,
-        stopped => {
-            map.discard();
-            picture.discard();
-            return match stopped {
-                Err(error) => Err(refuse(error)),
-                _ => Ok(Exit::Interrupted),
-            };
-        }
+    let Some((belief, summary)) = built.map_err(refuse)? else {
+        return Ok(Exit::Interrupted);
     };
     let grid = belief.into_grid();
     let (description, pixels) = map_server::write(&grid, &image);
     // The image first: a description never names one that is not there.
-    let image = match picture.write_all(&pixels) {
-        Ok(image) => image,
-        Err(failure) => {
-            map.discard();
-            return Err(failure);
-        }
-    };
+    let image = picture.write_all(&pixels)?;
     let map = map.write_all(description.as_bytes())?;
     if args.json {
         terminal.print_json(&json(&map, &image, &log, summary, &grid))?;

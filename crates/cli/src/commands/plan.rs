@@ -212,10 +212,7 @@ impl Question<'_> {
     fn write_to(&self, output: Output, loaded: &Loaded, terminal: &Terminal) -> Ending {
         let planned = match self.plan(self.setup.seed) {
             Ok(planned) => planned,
-            Err(error) => {
-                output.discard();
-                return self.invalid(self.setup.seed, &error, loaded, terminal);
-            }
+            Err(error) => return self.invalid(self.setup.seed, &error, loaded, terminal),
         };
         let file = PlanFile::new(
             &planned.json,

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use bikebot_report::{
     Ground, PlanFigure, PlanFile, PlanStyle, PlanView, ReportError, Ride, RideFigure,
-    drawing::Drawing, png, svg,
+    drawing::Drawing,
 };
 use bikebot_sim::record::{Trace, log};
 use bikebot_world::World;
 use bikebot_world::formats::{self, MapOptions};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 
 use crate::args::{Changes, Force, positive};
@@ -17,6 +17,7 @@ use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::{self, Kind, Loaded};
 use crate::output::Output;
+use crate::picture;
 use crate::recording;
 use crate::render::{self, Sheet, significant};
 use crate::terminal::Terminal;
@@ -51,7 +52,7 @@ pub struct PlotArgs {
         default_value = "svg",
         hide_possible_values = true
     )]
-    pub format: Format,
+    pub format: picture::Format,
     /// Scenario or map a plan was made on, where it is not found under the name the plan gives
     #[arg(long, value_name = "SCENARIO|MAP")]
     pub map: Option<PathBuf>,
@@ -71,24 +72,6 @@ pub struct PlotArgs {
     pub json: bool,
 }
 
-/// Formats of pictures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Format {
-    /// Scalable, for documents and browsers.
-    Svg,
-    /// Pixels.
-    Png,
-}
-
-impl Format {
-    fn ending(self) -> &'static str {
-        match self {
-            Self::Svg => "svg",
-            Self::Png => "png",
-        }
-    }
-}
-
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
 struct PlotJson {
@@ -102,25 +85,17 @@ pub fn run(args: &PlotArgs, terminal: &Terminal) -> Ending {
     } else {
         plan(args, terminal)?
     };
-    let mut bytes = Vec::new();
+    let mut pictures = Vec::new();
     for (ending, drawing) in &drawings {
-        let picture = match args.format {
-            Format::Svg => svg::write(drawing).into_bytes(),
-            Format::Png => png::write(drawing, args.zoom).map_err(|error| {
-                Failure::usage(Diagnostic::error(error.to_string()).help("give another --zoom"))
-            })?,
-        };
-        bytes.push((*ending, picture));
+        let help = "give another --zoom";
+        pictures.push((
+            path_of(args, ending)?,
+            args.format.write(drawing, args.zoom, help)?,
+        ));
     }
     let mut outputs = Vec::new();
-    for (ending, picture) in bytes {
-        match Output::create(&path_of(args, ending)?, args.force.force) {
-            Ok(output) => outputs.push((output, picture)),
-            Err(failure) => {
-                outputs.into_iter().for_each(|(output, _)| output.discard());
-                return Err(failure);
-            }
-        }
+    for (path, picture) in pictures {
+        outputs.push((Output::create(&path, args.force.force)?, picture));
     }
     let mut files = Vec::new();
     for (output, picture) in outputs {

@@ -131,13 +131,7 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
     };
     let output = open(&args.output, args.force)?;
     let picture = match &args.map {
-        Some(path) => match Output::create(path, args.force.force) {
-            Ok(picture) => Some(picture),
-            Err(failure) => {
-                output.discard();
-                return Err(failure);
-            }
-        },
+        Some(path) => Some(Output::create(path, args.force.force)?),
         None => None,
     };
     interrupt::install()?;
@@ -170,9 +164,6 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
         Ok(rows) => rows,
         Err(error) => {
             output.discard();
-            if let Some(picture) = picture {
-                picture.discard();
-            }
             return Err(tell(&loaded, error, &args.vary));
         }
     };

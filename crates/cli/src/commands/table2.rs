@@ -4,15 +4,16 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use bikebot_sim::study::{Table2, Table2Study};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 
-use crate::args::{Changes, Force, runs, threads};
+use crate::args::{Changes, runs, threads};
 use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::{Kind, Loaded};
 use crate::interrupt;
-use crate::output::Output;
+use crate::render;
+use crate::table::{Format, TableArgs};
 use crate::terminal::Terminal;
 
 /// The built-in scenario, and the map it names.
@@ -39,41 +40,13 @@ pub struct Table2Args {
     /// Runs of each method, with seeds SEED, SEED+1, …; methods without chance run once
     #[arg(long, value_name = "N", default_value_t = 20, allow_hyphen_values = true, value_parser = runs)]
     pub runs: u64,
-    /// How to write the table
-    #[arg(
-        long,
-        value_name = "FORMAT",
-        default_value = "text",
-        hide_possible_values = true,
-        help = "How to write the table: text, markdown, csv or json"
-    )]
-    pub format: Format,
-    /// The same as --format json
-    #[arg(long, conflicts_with = "format")]
-    pub json: bool,
     #[command(flatten)]
     pub changes: Changes,
     /// Plans made at the same time; more than one disturb each other's times, and nothing else
     #[arg(long, value_name = "N", default_value_t = 1, allow_hyphen_values = true, value_parser = threads)]
     pub jobs: usize,
-    /// Write the table to this file
-    #[arg(short, long, value_name = "FILE")]
-    pub output: Option<PathBuf>,
     #[command(flatten)]
-    pub force: Force,
-}
-
-/// How to write the table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Format {
-    /// Aligned columns.
-    Text,
-    /// A table in Markdown.
-    Markdown,
-    /// One line per row, means and quantiles.
-    Csv,
-    /// One object.
-    Json,
+    pub table: TableArgs,
 }
 
 /// What `--json` prints.
@@ -106,10 +79,7 @@ pub fn run(args: &Table2Args, terminal: &Terminal) -> Ending {
             "add [map] and [goal]",
         ))));
     };
-    let output = match &args.output {
-        Some(path) => Some(Output::create(path, args.force.force)?),
-        None => None,
-    };
+    let target = args.table.open()?;
     interrupt::install()?;
     let began = Instant::now();
     let study = Table2Study {
@@ -124,35 +94,19 @@ pub fn run(args: &Table2Args, terminal: &Terminal) -> Ending {
     let bar = terminal.progress(study.plans(), "planning");
     let table = study.measure(&mut || bar.inc(1));
     bar.finish_and_clear();
-    let table = match table {
-        Ok(table) => table,
-        Err(error) => {
-            if let Some(output) = output {
-                output.discard();
-            }
-            return Err(Failure::usage(loaded.tell_plan(&error)));
-        }
-    };
-    let text = match (args.json, args.format) {
-        (true, _) | (_, Format::Json) => json(&setup.name, &table)?,
-        (_, Format::Text) => {
-            let runs = if args.runs == 1 { "run" } else { "runs" };
-            let title = format!(
-                "Table 2 on {}, {} {runs} from seed {}\n\n",
-                setup.name, args.runs, setup.seed
-            );
+    let table = table.map_err(|error| Failure::usage(loaded.tell_plan(&error)))?;
+    let text = match args.table.format() {
+        Format::Json => json(&setup.name, &table)?,
+        Format::Text => {
+            let (name, seed) = (&setup.name, setup.seed);
+            let runs = render::count(args.runs, "run");
+            let title = format!("Table 2 on {name}, {runs} from seed {seed}\n\n");
             title + &table.to_text(args.scenario.is_none())
         }
-        (_, Format::Markdown) => table.to_markdown(args.scenario.is_none()),
-        (_, Format::Csv) => table.to_csv(),
+        Format::Markdown => table.to_markdown(args.scenario.is_none()),
+        Format::Csv => table.to_csv(),
     };
-    match output {
-        Some(output) => {
-            let path = output.write_all(text.as_bytes())?;
-            terminal.remark(&format!("wrote {}", path.display()));
-        }
-        None => terminal.print(&text)?,
-    }
+    target.write(&text, terminal)?;
     // That a method finds nothing is what the table tells, not a failure of it.
     Ok(if table.interrupted {
         Exit::Interrupted
