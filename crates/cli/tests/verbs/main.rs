@@ -1,0 +1,16 @@
+//! Every verb as its users call it: what it prints, what it writes, how it ends.
+
+mod common;
+mod compare;
+mod eigenvalues;
+mod every_verb;
+mod explain;
+mod init;
+mod log;
+mod map;
+mod plan;
+mod run;
+mod schema;
+mod sweep;
+mod table2;
+mod verify;
