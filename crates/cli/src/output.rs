@@ -168,6 +168,32 @@ impl Drop for Output {
     }
 }
 
+/// Makes `folder`, and those above it, where it is not there yet.
+///
+/// # Errors
+///
+/// [`Failure::Io`] when it cannot be made, as where a file has its name.
+pub fn make_folder(folder: &Path) -> Result<(), Failure> {
+    // A slash at the end would hide a file that bears the folder's name.
+    let folder: PathBuf = folder.components().collect();
+    // A file may bear that name, or that of a folder above.
+    if let Some(file) = folder.ancestors().find(|path| path.is_file()) {
+        return Err(Failure::io(
+            Diagnostic::error(format!(
+                "cannot make the folder {}: {} is a file",
+                folder.display(),
+                file.display()
+            ))
+            .help("choose another folder"),
+        ));
+    }
+    // A folder of no name is the one we are in.
+    if folder.as_os_str().is_empty() {
+        return Ok(());
+    }
+    fs::create_dir_all(&folder).map_err(|error| Failure::file("make the folder", &folder, &error))
+}
+
 /// A file that cannot be made: mostly its folder is to blame.
 fn unwritable(path: &Path, error: &io::Error) -> Failure {
     let folder = path
@@ -292,6 +318,23 @@ mod tests {
         assert!(message(Output::create(&path, false)).ends_with("a.mcap.part already exists"));
         let next = Output::numbered(folder.path(), "a", "mcap").unwrap();
         assert_eq!(next.path(), folder.path().join("a.2.mcap"));
+    }
+
+    #[test]
+    fn a_folder_is_made_unless_a_file_has_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let deep = folder.path().join("a/b");
+        for _ in 0..2 {
+            make_folder(&deep).unwrap();
+            assert!(deep.is_dir());
+        }
+        make_folder(Path::new("")).unwrap();
+        fs::write(folder.path().join("a/file"), b"").unwrap();
+        for name in ["a/file", "a/file/below/it"] {
+            let failure = make_folder(&folder.path().join(name)).unwrap_err();
+            let message = failure.diagnostic().unwrap().message();
+            assert!(message.ends_with("a/file is a file"), "{message}");
+        }
     }
 
     #[test]

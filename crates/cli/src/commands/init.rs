@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::args::Force;
-use crate::exit::{Ending, Exit, Failure};
-use crate::output::Output;
+use crate::exit::{Ending, Exit};
+use crate::output::{Output, make_folder};
 use crate::terminal::Terminal;
 
 /// The scenario it writes.
@@ -32,8 +32,7 @@ pub struct InitArgs {
 
 /// Writes it, and says what to do next.
 pub fn run(args: &InitArgs, terminal: &Terminal) -> Ending {
-    std::fs::create_dir_all(&args.dir)
-        .map_err(|error| Failure::file("create", &args.dir, &error))?;
+    make_folder(&args.dir)?;
     let path = if args.dir.as_os_str() == "." {
         PathBuf::from("scenario.toml")
     } else {

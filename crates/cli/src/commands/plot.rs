@@ -16,7 +16,7 @@ use crate::args::{Changes, Force, positive};
 use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::{self, Kind, Loaded};
-use crate::output::Output;
+use crate::output::{Output, make_folder};
 use crate::picture;
 use crate::recording;
 use crate::render::{self, Sheet, significant};
@@ -42,7 +42,7 @@ pub struct PlotArgs {
     /// Plan (.json) or recording (.mcap)
     #[arg(value_name = "FILE.mcap|PLAN.json")]
     pub input: PathBuf,
-    /// Folder for the pictures [default: the current one]
+    /// Folder for the pictures, made if it is not there [default: the current one]
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// What to write
@@ -92,6 +92,9 @@ pub fn run(args: &PlotArgs, terminal: &Terminal) -> Ending {
             path_of(args, ending)?,
             args.format.write(drawing, args.zoom, help)?,
         ));
+    }
+    if let Some(folder) = &args.output {
+        make_folder(folder)?;
     }
     let mut outputs = Vec::new();
     for (path, picture) in pictures {

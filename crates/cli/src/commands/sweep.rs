@@ -13,7 +13,7 @@ use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::Loaded;
 use crate::interrupt;
-use crate::output::Output;
+use crate::output::{Output, make_folder};
 use crate::render;
 use crate::terminal::Terminal;
 
@@ -250,7 +250,7 @@ fn varies(typed: &[String]) -> Result<Vec<Vary>, Failure> {
 fn open(path: &std::path::Path, force: Force) -> Result<Output, Failure> {
     let ends_in_slash = path.as_os_str().to_string_lossy().ends_with('/');
     if path.is_dir() || ends_in_slash {
-        std::fs::create_dir_all(path).map_err(|error| Failure::file("create", path, &error))?;
+        make_folder(path)?;
         return Output::create(&path.join("sweep.csv"), force.force);
     }
     Output::create(path, force.force)

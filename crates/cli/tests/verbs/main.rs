@@ -9,6 +9,7 @@ mod init;
 mod log;
 mod map;
 mod plan;
+mod plot;
 mod run;
 mod schema;
 mod sweep;
