@@ -12,13 +12,11 @@
 //! only if nothing has come to block it since, and if the bike can stop on it within what is seen. Else the bike brakes, on
 //! the old path, and asks again: slower, it can take over what it could not at speed.
 
+mod begin;
+mod search;
+
 use bikebot_geometry::CurvePath;
-use bikebot_planner::replan::remainder;
-use bikebot_planner::{
-    Blockage, Budget, Decision, EndPose, GoalRegion, Meter, MotionChecker, Outcome, PlanError,
-    PlanReport, PlannedPath, PlannerParams, PlanningProblem, Previous, ReplanParams, lattice, plan,
-    replan,
-};
+use bikebot_planner::{EndPose, GoalRegion, PlannerParams};
 use bikebot_world::{Bounds, Cell, Footprint, OccupancyGrid, World, WorldError};
 
 use super::belief::Belief;
@@ -31,8 +29,6 @@ const STANDSTILL: f64 = 0.03;
 /// Way by which the bike has moved on, m; who does not within so many seconds stands, whatever the encoder says.
 const MOVED_ON: f64 = 0.1;
 const CREEPING: f64 = 2.0;
-/// At rest a search may take so many times the iterations: nothing is in a hurry then.
-const PATIENCE: u64 = 2;
 /// A stop nearer than this is where the bike stands already, m: for less way the controller does not set off.
 const HERE: f64 = 0.65;
 /// Unknown cells that are reached at most so much after the first are doubted together with it, m.
@@ -148,7 +144,7 @@ impl Navigator {
     /// If the grid or the bounds make no sense.
     pub fn new(task: &Task<'_>) -> Result<Self, WorldError> {
         let mut belief = Belief::new(task.belief, task.bounds, task.known)?;
-        vouch_for_the_start(&mut belief, task);
+        begin::vouch_for_the_start(&mut belief, task);
         let tight = task
             .bike
             .grown(task.online.tracking_allowance + PROOF_STEPS);
@@ -204,67 +200,6 @@ impl Navigator {
         if self.belief.observe(changes) {
             self.view = None;
         }
-    }
-
-    /// The first plan, with the bike at rest at the start: the report, where there was something to search for, and why there is no
-    /// path, if there is none.
-    ///
-    /// # Errors
-    ///
-    /// If the problem makes no sense, as a goal off the map.
-    pub fn begin(&mut self) -> Result<(Option<PlanReport>, Option<Halt>), PlanError> {
-        self.belief.world();
-        let budget = Budget::of_iterations(self.online.iterations.saturating_mul(PATIENCE));
-        let (mut last, mut halt) = (None, None);
-        for (index, (outline, margin)) in self.rooms.clone().into_iter().enumerate() {
-            let problem = self.problem(outline);
-            let report = match plan(&problem, &self.with_margin(margin), self.seed, &budget) {
-                Ok(report) => report,
-                Err(PlanError::StartInObstacle { .. }) => {
-                    halt = halt.or(Some(Halt::BlockedAhead));
-                    continue;
-                }
-                Err(PlanError::GoalInObstacle { .. }) => {
-                    halt = halt.or(Some(Halt::GoalBlocked));
-                    continue;
-                }
-                Err(error) => return Err(error),
-            };
-            if let (Outcome::Found, Some(PlannedPath::Curves(curves))) =
-                (report.outcome, &report.path)
-            {
-                self.route = Some(Route {
-                    curves: curves.clone(),
-                    sweep: self.sweep(curves, 0.0),
-                    joint: 0.0,
-                    cause: Cause::First,
-                    iterations: report.iterations,
-                    is_tight: index > 0,
-                    ready: 0.0,
-                });
-                return Ok((Some(report), None));
-            }
-            halt = Some(report.reason.into());
-            last = last.or(Some(report));
-        }
-        if !matches!(halt, Some(Halt::GoalBlocked | Halt::Disconnected))
-            && let (outline, margin) = &self.rooms[1]
-            && let Some((curves, states)) =
-                self.search_states(self.start, outline, *margin, PATIENCE)
-        {
-            self.route = Some(Route {
-                sweep: self.sweep(&curves, 0.0),
-                curves,
-                joint: 0.0,
-                cause: Cause::First,
-                iterations: states,
-                is_tight: true,
-                ready: 0.0,
-            });
-            return Ok((last, None));
-        }
-        self.halt = halt;
-        Ok((last, halt))
     }
 
     /// The path of the last order cannot be taken over: the one before counts again.
@@ -435,168 +370,6 @@ impl Navigator {
         self.pending = self.search(motion, view, true, false).ok();
     }
 
-    /// A plan that leaves the route ahead of the bike.
-    fn search(
-        &mut self,
-        motion: &Motion,
-        view: View,
-        is_improvement: bool,
-        stands: bool,
-    ) -> Result<Route, Halt> {
-        self.plans += 1;
-        let seed = self
-            .seed
-            .wrapping_add(self.plans.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-        self.belief.world();
-        let Some(route) = &self.route else {
-            return Err(Halt::NoPath);
-        };
-        let old = &route.curves;
-        let reach = self.s + motion.speed.max(0.0) * self.online.latency + self.online.lead;
-        let before = |place: Option<Covered>| {
-            place.map_or(f64::INFINITY, |place| place.first - self.online.stop_margin)
-        };
-        let at = reach
-            .min(before(view.solid).min(before(view.unproved)).max(self.s))
-            .min(old.length());
-        let previous = Previous {
-            curves: old,
-            now: self.s,
-            at,
-        };
-        let patience = if stands { PATIENCE } else { 1 };
-        let budget = Budget::of_iterations(self.online.iterations.saturating_mul(patience));
-        let replanning = ReplanParams {
-            improve: is_improvement,
-            gain: self.online.gain,
-            detour: self.online.detour,
-        };
-        let mut halt = Halt::BlockedAhead;
-        for (index, (outline, margin)) in self.rooms.iter().enumerate() {
-            let problem = self.problem(outline.clone());
-            let params = self.with_margin(*margin);
-            // Nonsense was refused by the first plan; what is left is a start curvature a hair beyond the limit.
-            let Ok(found) = replan(&problem, &params, &replanning, &previous, seed, &budget) else {
-                continue;
-            };
-            let cause = match found.decision {
-                Decision::Repaired => Cause::Repaired,
-                Decision::Afresh => Cause::Afresh,
-                Decision::Improved => Cause::Improved,
-                Decision::Kept => return Err(halt),
-                Decision::Blocked { why, .. } => {
-                    let why = match why {
-                        Blockage::Ahead => Halt::BlockedAhead,
-                        Blockage::Goal => Halt::GoalBlocked,
-                        Blockage::NoPath(reason) => reason.into(),
-                    };
-                    halt = why;
-                    continue;
-                }
-            };
-            let Some(new) = found.path else {
-                continue;
-            };
-            if is_improvement && new.length() > (1.0 - self.online.gain) * (old.length() - at) {
-                return Err(halt);
-            }
-            let Some(curves) = joined(old, at, &new) else {
-                continue;
-            };
-            let sweep = self.sweep(&curves, self.s);
-            if look(&sweep, self.s, &self.belief).solid.is_some() {
-                continue;
-            }
-            return Ok(Route {
-                curves,
-                sweep,
-                joint: at,
-                cause: if is_improvement {
-                    Cause::Improved
-                } else {
-                    cause
-                },
-                iterations: found.iterations,
-                is_tight: index > 0,
-                ready: motion.time + self.online.latency,
-            });
-        }
-        // A proof for the tighter outline is one for all.
-        let is_proved = match halt {
-            Halt::GoalBlocked | Halt::Disconnected => true,
-            Halt::CurvatureInfeasible => !stands,
-            _ => false,
-        };
-        if is_proved || is_improvement {
-            return Err(halt);
-        }
-        let (outline, margin) = &self.rooms[1];
-        let start = previous.start();
-        let found = self.search_states(start, outline, *margin, patience);
-        // At rest nothing less than the bike itself is in the way.
-        let found = found.or_else(|| {
-            stands
-                .then(|| self.search_states(start, &self.bike, 0.0, patience))
-                .flatten()
-        });
-        let (new, states) = found.ok_or(halt)?;
-        let curves = joined(old, at, &new).ok_or(halt)?;
-        let sweep = self.sweep(&curves, self.s);
-        if look(&sweep, self.s, &self.belief).solid.is_some() {
-            return Err(halt);
-        }
-        Ok(Route {
-            curves,
-            sweep,
-            joint: at,
-            cause: Cause::Afresh,
-            iterations: states,
-            is_tight: true,
-            ready: motion.time + self.online.latency,
-        })
-    }
-
-    /// A rough path by search over poses and steering angles, and the states it took.
-    fn search_states(
-        &self,
-        start: EndPose,
-        outline: &Footprint,
-        margin: f64,
-        patience: u64,
-    ) -> Option<(CurvePath, u64)> {
-        let problem = PlanningProblem {
-            start,
-            ..self.problem(outline.clone())
-        };
-        let resolution = self.planner.clearance_resolution();
-        let checker = MotionChecker::new(problem.world, outline, margin, resolution);
-        let budget = Budget::of_iterations(self.online.states.saturating_mul(patience));
-        let found = lattice::search(&problem, &checker, &mut Meter::new(&budget));
-        Some((found.path?, found.expansions))
-    }
-
-    fn problem(&self, outline: Footprint) -> PlanningProblem<'_> {
-        PlanningProblem {
-            world: self.belief.world_as_it_was(),
-            footprint: outline,
-            start: self.start,
-            goal: self.goal,
-            max_curvature: self.planner.max_curvature,
-        }
-    }
-
-    fn with_margin(&self, margin: f64) -> PlannerParams {
-        PlannerParams {
-            margin,
-            ..self.planner.clone()
-        }
-    }
-
-    fn sweep(&self, curves: &CurvePath, from: f64) -> Sweep {
-        let allowance = self.online.tracking_allowance;
-        Sweep::new(curves, from, &self.bike, allowance, self.belief.cells())
-    }
-
     /// There is no way on for now: the more room is left, the more ways there are.
     fn brake(&mut self, motion: &Motion) {
         self.hold.get_or_insert(self.s + motion.stopping_distance);
@@ -664,56 +437,4 @@ fn look(sweep: &Sweep, s: f64, belief: &Belief) -> View {
         unproved: unproved.map(|first| ahead[first]),
         solid,
     }
-}
-
-/// `old` up to arc length `at` (m), then `new`, which begins there.
-fn joined(old: &CurvePath, at: f64, new: &CurvePath) -> Option<CurvePath> {
-    let mut curves = head(old, at);
-    curves.extend_from_slice(new.segments());
-    CurvePath::new(curves).ok()
-}
-
-/// A last piece shorter than this is left out, m.
-const NO_PIECE: f64 = 1e-9;
-
-fn head(path: &CurvePath, at: f64) -> Vec<bikebot_geometry::FergusonCurve> {
-    let (last, t) = path.locate(at);
-    let mut curves = path.segments()[..last].to_vec();
-    if at - path.segment_start(last) > NO_PIECE && t > 0.0 {
-        curves.push(if remainder(path, at).is_empty() {
-            path.segments()[last]
-        } else {
-            path.segments()[last].sub_curve(0.0, t)
-        });
-    }
-    curves
-}
-
-/// Counts cells about the bike as free that were not seen: whoever put it down there knows.
-fn vouch_for_the_start(belief: &mut Belief, task: &Task<'_>) {
-    let Some(heading) = task.start.heading else {
-        return;
-    };
-    let line = bikebot_geometry::FergusonCurve::straight(
-        task.start.position,
-        task.start.position + bikebot_geometry::Vector2::new(heading.cos(), heading.sin()) * 1e-3,
-    );
-    let Ok(place) = CurvePath::new(vec![line]) else {
-        return;
-    };
-    let sweep = Sweep::new(
-        &place,
-        0.0,
-        &task.bike,
-        task.online.start_zone,
-        belief.cells(),
-    );
-    let width = belief.cells().width;
-    let cells: Vec<_> = sweep
-        .all()
-        .map(|cell| (cell as usize % width, cell as usize / width))
-        .filter(|&(x, y)| belief.cells().cell(x, y) == Some(Cell::Unknown))
-        .map(|(x, y)| (x, y, Cell::Free))
-        .collect();
-    belief.observe(&cells);
 }
