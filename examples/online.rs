@@ -1,7 +1,7 @@
 //! The campaign on unknown fields, with the check of every braking manoeuvre:
 //!
 //! ```sh
-//! cargo run --release --example online -- --suites fields,surprise,maps --rides 300 --format markdown
+//! cargo run --release --example online -- --suites fields,surprise,corridor,maps --rides 300 --format markdown
 //! ```
 //!
 //! The maps are read from `../shared/data/ros_maps` and left out where that is not there. Exit code 1 for a collision or a fall.
@@ -16,7 +16,7 @@ const DENSITIES: [usize; 6] = [40, 60, 80, 100, 120, 140];
 
 fn main() -> Result<ExitCode, String> {
     let (mut suites, mut rides, mut format) = (
-        "fields,surprise,maps".to_owned(),
+        "fields,surprise,corridor,maps".to_owned(),
         300,
         "markdown".to_owned(),
     );
@@ -39,7 +39,7 @@ fn main() -> Result<ExitCode, String> {
             "--format" => format = value,
             _ => {
                 return Err(format!(
-                    "{word}? --suites fields,surprise,maps, --rides N, --first SEED, --density N, --format markdown|json|rows"
+                    "{word}? --suites fields,surprise,corridor,maps, --rides N, --first SEED, --density N, --format markdown|json|rows"
                 ));
             }
         }
@@ -54,6 +54,10 @@ fn main() -> Result<ExitCode, String> {
                 let count = density.unwrap_or(DENSITIES[which]);
                 online::field(suite, seed, count, mode, suite == "surprise")
             })),
+            "corridor" => cases.extend(
+                (first..first + rides.min(100))
+                    .map(|seed| online::corridor("corridor", seed, MODES[(seed % 2) as usize])),
+            ),
             "maps" => {
                 let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/ros_maps");
                 for (name, file, scale) in [
@@ -67,7 +71,11 @@ fn main() -> Result<ExitCode, String> {
                     );
                 }
             }
-            other => return Err(format!("--suites {other}? fields, surprise or maps")),
+            other => {
+                return Err(format!(
+                    "--suites {other}? fields, surprise, corridor or maps"
+                ));
+            }
         }
     }
     let rows = online::ride_all(&cases, &read)?;

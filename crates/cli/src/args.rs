@@ -248,6 +248,15 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A time that is finite and not negative, s.
+pub fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
+        Ok(_) => Err("it must be a finite number of seconds, not below 0".into()),
+        Err(_) => Err(format!("`{text}` is not a number of seconds")),
+    }
+}
+
 /// A count of at least one and at most `most`.
 pub fn count(text: &str, most: u64) -> Result<u64, String> {
     match text.parse::<u64>() {

@@ -358,6 +358,12 @@ impl MapFrame {
         self.scale * metres
     }
 
+    /// What is shown of the world, m.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
     /// The field's axes.
     #[must_use]
     pub fn chart(&self) -> Chart {

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! plan.json ─▶ PlanFile ─▶ PlanFigure ┐
-//! recording ─▶ Ride ─────▶ RideFigure ┼▶ Drawing ─▶ svg::write ─▶ png::write
+//! recording ┬▶ Ride ─────▶ RideFigure ┼▶ Drawing ─▶ svg::write ─▶ png::write
+//!           └▶ Moments ▶ MomentsFigure ┤
 //! Whipple ────▶ EigenvalueFigure ─────┘
 //! ```
 //!
@@ -18,6 +19,7 @@ mod error;
 mod grid_outline;
 pub mod label;
 mod legend;
+mod moments_figure;
 pub mod palette;
 mod plan_figure;
 pub mod plan_file;
@@ -29,6 +31,7 @@ pub mod svg;
 pub use eigenvalue_figure::EigenvalueFigure;
 pub use envelope_figure::{Cell, Dimension, EnvelopeFigure, Panel, name_of_key as envelope_name};
 pub use error::ReportError;
+pub use moments_figure::{Moments, MomentsFigure};
 pub use plan_figure::{PlanFigure, PlanStyle, PlanView};
 pub use plan_file::PlanFile;
 pub use ride_figure::{Ride, RideFigure};

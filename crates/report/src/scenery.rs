@@ -31,6 +31,17 @@ impl<'a> From<&'a World> for Ground<'a> {
 }
 
 impl Ground<'_> {
+    /// The rims of obstacles and occupied cells, to lie above what was believed of them.
+    pub(crate) fn rims(&self, frame: &MapFrame, style: Style) -> Vec<Item> {
+        let cells = self.grid.map(|grid| cells_of(grid, Cell::Occupied, frame));
+        let obstacles = self.obstacles.iter().map(|it| outline_of(it, frame));
+        cells
+            .into_iter()
+            .chain(obstacles)
+            .map(|outline| Item::Shape(outline, style))
+            .collect()
+    }
+
     /// Obstacles and unknown cells. Each kind is one area, however many pieces it has.
     pub(crate) fn items(&self, frame: &MapFrame) -> Vec<Item> {
         let mut items = Vec::new();
@@ -39,12 +50,7 @@ impl Ground<'_> {
                 (Cell::Unknown, palette::UNKNOWN),
                 (Cell::Occupied, palette::OBSTACLE),
             ] {
-                let mut outline = Outline::new();
-                for rim in grid_outline::rims(grid, |cell| cell == wanted) {
-                    outline.append(Outline::polygon(rim.into_iter().map(|[x, y]| {
-                        frame.at(grid.from_cell_coordinates(bikebot_geometry::Vector2::new(x, y)))
-                    })));
-                }
+                let outline = cells_of(grid, wanted, frame);
                 if !outline.is_empty() {
                     items.push(Item::Shape(outline, Style::fill(colour)));
                 }
@@ -58,7 +64,19 @@ impl Ground<'_> {
     }
 }
 
-fn outline_of(obstacle: &Obstacle, frame: &MapFrame) -> Outline {
+/// The cells of one kind as one area.
+fn cells_of(grid: &OccupancyGrid, wanted: Cell, frame: &MapFrame) -> Outline {
+    let mut outline = Outline::new();
+    for rim in grid_outline::rims(grid, |cell| cell == wanted) {
+        outline.append(Outline::polygon(rim.into_iter().map(|[x, y]| {
+            frame.at(grid.from_cell_coordinates(bikebot_geometry::Vector2::new(x, y)))
+        })));
+    }
+    outline
+}
+
+/// The rim of an obstacle on the sheet.
+pub(crate) fn outline_of(obstacle: &Obstacle, frame: &MapFrame) -> Outline {
     match obstacle {
         Obstacle::Disc { center, radius } => {
             Outline::circle(frame.at(*center), frame.length(*radius))

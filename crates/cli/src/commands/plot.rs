@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use bikebot_report::{
-    Ground, PlanFigure, PlanFile, PlanStyle, PlanView, ReportError, Ride, RideFigure,
-    drawing::Drawing,
+    Ground, Moments, MomentsFigure, PlanFigure, PlanFile, PlanStyle, PlanView, ReportError, Ride,
+    RideFigure, drawing::Drawing,
 };
 use bikebot_sim::record::{Trace, log};
 use bikebot_world::World;
@@ -12,7 +12,7 @@ use bikebot_world::formats::{self, MapOptions};
 use clap::Args;
 use serde::Serialize;
 
-use crate::args::{Changes, Force, positive};
+use crate::args::{Changes, Force, positive, seconds};
 use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::{self, Kind, Loaded};
@@ -24,6 +24,9 @@ use crate::terminal::Terminal;
 
 /// Largest plan file that is read, bytes.
 const MAX_PLAN_BYTES: u64 = 1 << 30;
+
+/// Moments of a ride on one picture.
+const MOST_MOMENTS: usize = 24;
 
 /// Draw a plan or a ride
 ///
@@ -37,7 +40,8 @@ Examples:
   bikebot plot plan.json -o figures --format png --zoom 2
   bikebot plot plan.json --separate --color-by-curvature
   bikebot plot plan.json --map yard.yaml
-  bikebot plot fig7-1.mcap")]
+  bikebot plot fig7-1.mcap
+  bikebot plot unknown-yard-1.mcap --at 1,10,25,40")]
 pub struct PlotArgs {
     /// Plan (.json) or recording (.mcap)
     #[arg(value_name = "FILE.mcap|PLAN.json")]
@@ -65,6 +69,9 @@ pub struct PlotArgs {
     /// Colour a plan's path by its curvature
     #[arg(long)]
     pub color_by_curvature: bool,
+    /// Show a ride at these times, s: what was believed of the field, the path in force, what had been ridden
+    #[arg(long, value_name = "S,S,…", value_delimiter = ',', allow_hyphen_values = true, value_parser = seconds)]
+    pub at: Vec<f64>,
     #[command(flatten)]
     pub force: Force,
     /// One JSON object instead of text
@@ -81,7 +88,8 @@ struct PlotJson {
 /// Draws it.
 pub fn run(args: &PlotArgs, terminal: &Terminal) -> Ending {
     let drawings = if Kind::of(&args.input) == Kind::Recording {
-        vec![("", ride(args, terminal)?)]
+        let ending = if args.at.is_empty() { "" } else { "-moments" };
+        vec![(ending, ride(args, terminal)?)]
     } else {
         plan(args, terminal)?
     };
@@ -144,6 +152,11 @@ fn plan(args: &PlotArgs, terminal: &Terminal) -> Result<Vec<(&'static str, Drawi
             Diagnostic::error(format!("{place} is a scenario, and `plot` draws what came of one"))
                 .help(format!("first `bikebot plan {place} -o plan.json` or `bikebot run {place}`, then plot what they wrote")),
         ));
+    }
+    if !args.at.is_empty() {
+        return Err(Failure::usage(Diagnostic::error(
+            "--at is for rides: a plan has no times",
+        )));
     }
     let bytes = input::read(&args.input, MAX_PLAN_BYTES)?;
     let text = String::from_utf8(bytes).map_err(|_| {
@@ -302,9 +315,20 @@ fn ride(args: &PlotArgs, terminal: &Terminal) -> Result<Drawing, Failure> {
             "--separate and --color-by-curvature are for plans",
         )));
     }
+    if args.at.len() > MOST_MOMENTS {
+        return Err(Failure::usage(Diagnostic::error(format!(
+            "--at names {} times; one picture holds at most {MOST_MOMENTS}",
+            args.at.len()
+        ))));
+    }
     let broken = |error| recording::tell(place, &error);
     let source = log::read_run(&mut recording::open(place)?).map_err(broken)?;
-    let trace = log::read_trace(&mut recording::open(place)?, Trace::default()).map_err(broken)?;
+    let kept = if args.at.is_empty() {
+        Trace::default()
+    } else {
+        Trace::default().with_beliefs()
+    };
+    let trace = log::read_trace(&mut recording::open(place)?, kept).map_err(broken)?;
     let info = log::inspect(&mut recording::open(place)?).map_err(broken)?;
     let title = format!("{} · ride", source.scenario);
     let seed = source.seed;
@@ -315,11 +339,11 @@ fn ride(args: &PlotArgs, terminal: &Terminal) -> Result<Drawing, Failure> {
         &Changes::default(),
     )?;
     let setup = loaded.setup(terminal)?;
-    let ride = Ride::new(&trace, &setup.footprint).map_err(|error| {
+    let empty = |error: ReportError| {
         Failure::usage(
             Diagnostic::error(error.to_string()).at_line(&place.display().to_string(), None),
         )
-    })?;
+    };
     let mut facts = Vec::new();
     let metric = |name: &str| {
         let value = info.result()?.get(&format!("metrics.{name}"))?;
@@ -340,5 +364,15 @@ fn ride(args: &PlotArgs, terminal: &Terminal) -> Result<Drawing, Failure> {
     }
     facts.push(format!("seed {seed}"));
     let ground = setup.world.as_ref().map(Ground::from);
-    Ok(RideFigure::new(&ride, ground, title, facts.join("  ·  ")).draw())
+    let facts = facts.join("  ·  ");
+    if args.at.is_empty() {
+        let ride = Ride::new(&trace, &setup.footprint).map_err(empty)?;
+        return Ok(RideFigure::new(&ride, ground, title, facts).draw());
+    }
+    let others = |time: f64| {
+        let obstacles = setup.traffic.obstacles().iter();
+        obstacles.filter_map(|it| it.outline_at(time)).collect()
+    };
+    let ride = Moments::new(&trace, &args.at, &setup.footprint, &others).map_err(empty)?;
+    Ok(MomentsFigure::new(&ride, ground, title, facts).draw())
 }

@@ -62,6 +62,16 @@ impl<'a> Message<'a> {
             .last()
     }
 
+    /// The bytes in a field.
+    pub(crate) fn bytes(&self, name: &str) -> Option<&'a [u8]> {
+        self.all(name)
+            .filter_map(|value| match value {
+                Value::Bytes(bytes) => Some(*bytes),
+                _ => None,
+            })
+            .last()
+    }
+
     /// The messages in a field.
     pub(crate) fn messages<'m>(&'m self, name: &'m str) -> impl Iterator<Item = &'m Message<'a>> {
         self.all(name).filter_map(|value| match value {

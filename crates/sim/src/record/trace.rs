@@ -5,6 +5,10 @@ use super::event::{
 };
 use super::{RecordError, Recorder};
 use crate::clock::SimTime;
+use bikebot_world::OccupancyGrid;
+
+/// Least time between two beliefs that are kept, s.
+const BELIEF_PERIOD: f64 = 0.5;
 
 /// Something a program may want to find.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,9 +75,18 @@ pub struct ScanTrace {
     pub ranges: Vec<f64>,
 }
 
+/// What was believed of the field.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BeliefTrace {
+    /// When, s.
+    pub time_s: f64,
+    /// The cells.
+    pub grid: OccupancyGrid,
+}
+
 /// What a run left behind, in memory.
 ///
-/// Scans are kept only on request ([`Trace::with_scans`]); they outweigh all else.
+/// Scans and beliefs are kept only on request ([`Trace::with_scans`], [`Trace::with_beliefs`]); they outweigh all else.
 /// [`log::read_trace`](super::log::read_trace) gives the same from a file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trace {
@@ -91,9 +104,12 @@ pub struct Trace {
     pub lines: Vec<LogLine>,
     /// Scans in order, if asked for.
     pub scans: Vec<ScanTrace>,
+    /// Beliefs in order, if asked for; at most two a second.
+    pub beliefs: Vec<BeliefTrace>,
     /// What the bike looks like, if told; a file does not keep it.
     pub bike: Option<BikeGeometry>,
     keep_scans: bool,
+    keep_beliefs: bool,
 }
 
 impl Trace {
@@ -103,6 +119,32 @@ impl Trace {
         Self {
             keep_scans: true,
             ..Self::default()
+        }
+    }
+
+    /// This trace, but it keeps beliefs too.
+    #[must_use]
+    pub fn with_beliefs(self) -> Self {
+        Self {
+            keep_beliefs: true,
+            ..self
+        }
+    }
+
+    /// Keeps a belief, unless it is not asked for or comes too soon after the last one.
+    pub(super) fn push_belief(
+        &mut self,
+        time_s: f64,
+        grid: impl FnOnce() -> Option<OccupancyGrid>,
+    ) {
+        // Half a millisecond: a recording's rate is not exactly two a second.
+        let is_due = self
+            .beliefs
+            .last()
+            .is_none_or(|last| time_s >= last.time_s + BELIEF_PERIOD - 5e-4);
+        if self.keep_beliefs && is_due {
+            self.beliefs
+                .extend(grid().map(|grid| BeliefTrace { time_s, grid }));
         }
     }
 
@@ -159,6 +201,7 @@ impl Recorder for Trace {
                 angle_step: scan.angle_step,
                 ranges: scan.ranges.to_vec(),
             }),
+            Event::Belief(grid) => self.push_belief(time_s, || Some(grid.clone())),
             Event::Notice { kind, text, value } => self.notices.push(Notice {
                 time_s,
                 kind: kind.as_str().to_owned(),
@@ -173,7 +216,6 @@ impl Recorder for Trace {
             // Where things stand and what is attached, the scenario says already.
             Event::Scan(_)
             | Event::Map(_)
-            | Event::Belief(_)
             | Event::MovingObstacles(_)
             | Event::Attachment { .. } => {}
         }

@@ -10,6 +10,8 @@ use super::super::trace::{FollowedTrace, LogLine, Notice, PlanTrace, ScanTrace, 
 use super::super::wire::{Depth, Met, Record, Section, walk};
 use super::super::{SCHEMA_VERSION, SourceFile, sha256_hex};
 use super::{LogError, Problem, is_foreign};
+use bikebot_geometry::Pose2;
+use bikebot_world::{Cell, OccupancyGrid};
 
 /// A run as its recording carries it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -155,7 +157,7 @@ pub fn read_attachment<R: Read + Seek>(reader: &mut R, wanted: &str) -> Result<V
 /// Reads the numbers of a recording into `trace`, at the rates it was recorded
 /// with; up to the first broken record of a broken file.
 ///
-/// Scans are read only into [`Trace::with_scans`]; what the bike looks like is not
+/// Scans are read only into [`Trace::with_scans`], beliefs into [`Trace::with_beliefs`]; what the bike looks like is not
 /// in a file.
 ///
 /// # Errors
@@ -306,8 +308,37 @@ fn message_into(
                 ranges,
             });
         }
+        "/belief" => trace.push_belief(time_s, || grid(message)),
         _ => {}
     }
+}
+
+/// A grid of three-valued cells as it was sent; `None` if it is none.
+fn grid(message: &Message<'_>) -> Option<OccupancyGrid> {
+    let size = message.messages("cell_size").next()?.number("x")?;
+    let width = message.number("column_count")? as usize;
+    let data = message.bytes("data")?;
+    let pose = message.messages("pose").next()?;
+    let part = |of: &str, name: &str| {
+        let inner = pose.messages(of).next();
+        // A coordinate that is zero is absent on the wire.
+        inner.and_then(|it| it.number(name)).unwrap_or(0.0)
+    };
+    let origin = Pose2::new(
+        part("position", "x"),
+        part("position", "y"),
+        2.0 * part("orientation", "z").atan2(part("orientation", "w")),
+    );
+    let cells: Vec<Cell> = data
+        .iter()
+        .map(|value| match value {
+            0 => Cell::Free,
+            100 => Cell::Occupied,
+            _ => Cell::Unknown,
+        })
+        .collect();
+    let height = cells.len().checked_div(width)?;
+    OccupancyGrid::new(width, height, size, origin, cells).ok()
 }
 
 /// A path from its columns, as long as the shortest of them.
