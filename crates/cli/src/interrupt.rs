@@ -11,7 +11,8 @@ static ASKED: AtomicBool = AtomicBool::new(false);
 static INSTALLED: OnceLock<()> = OnceLock::new();
 
 /// From now on Ctrl-C (and a polite kill: SIGTERM, SIGHUP) sets a flag. Called
-/// only by verbs that look at it; the others may simply be killed.
+/// only by verbs that look at it, before they open what they write: a signal finds
+/// either no file or someone who clears it away. The others may simply be killed.
 pub fn install() -> Result<(), Failure> {
     if INSTALLED.set(()).is_err() {
         return Ok(());

@@ -141,6 +141,55 @@ fn a_full_disk_is_told_and_the_result_is_not_lost() {
     assert_eq!(code, Some(0), "{text}");
 }
 
+/// A CARMEN log of a robot that stands in a wide ring and looks around: long to enter into cells.
+fn long_log() -> String {
+    let ranges = vec!["30.00"; 181].join(" ");
+    let mut text = String::new();
+    for scan in 0..6000 {
+        text += &format!("FLASER 181 {ranges} 0 0 0 0 0 0 {scan}.5 host {scan}.5\n");
+    }
+    text
+}
+
+#[test]
+fn a_map_that_is_interrupted_leaves_no_part_of_it_and_keeps_the_old_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("ring.log"), long_log()).unwrap();
+    for name in ["-INT", "-TERM"] {
+        fs::write(path.join("ring.yaml"), "old").unwrap();
+        let child = bikebot(
+            path,
+            "map build ring.log -o ring.yaml --resolution 0.01 --force",
+        )
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+        // The files are opened after the handler is in place.
+        let part = path.join("ring.yaml.part");
+        for _ in 0..6000 {
+            if part.exists() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        signal(&child, name);
+        let output = end(child);
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(130), "{told}");
+        assert_eq!(told, "interrupted: no map was written\n");
+        assert!(output.stdout.is_empty());
+        let mut left: Vec<_> = fs::read_dir(path)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        left.sort();
+        assert_eq!(left, ["ring.log", "ring.yaml"]);
+        assert_eq!(fs::read(path.join("ring.yaml")).unwrap(), b"old");
+    }
+}
+
 #[test]
 fn a_plan_that_is_interrupted_tells_what_it_has() {
     let folder = tempfile::tempdir().unwrap();

@@ -56,8 +56,8 @@ pub fn run(args: &CompareArgs, terminal: &Terminal) -> Ending {
         .map(|text| Controllers::parse(text, &known).map_err(|error| tell_name(&error, text)))
         .collect::<Result<Vec<_>, _>>()?;
     let loaded = Loaded::read(&args.scenario.scenario, &args.changes)?;
-    let target = args.table.open()?;
     interrupt::install()?;
+    let target = args.table.open()?;
     let study = CompareStudy {
         file: loaded.file(),
         plants: &args.plants,

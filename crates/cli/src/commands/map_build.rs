@@ -120,10 +120,10 @@ pub fn run(args: &BuildArgs, terminal: &Terminal) -> Ending {
     let log = logs::read(&name, &bytes, format, &options).map_err(refuse)?;
     drop(bytes);
 
+    interrupt::install()?;
     // Opened before the work: names that are taken are told at once.
     let map = Output::create(&args.output, args.force.force)?;
     let picture = Output::create(&args.output.with_file_name(&image), args.force.force)?;
-    interrupt::install()?;
     let build = BuildOptions {
         resolution: args.resolution,
     };
@@ -134,6 +134,7 @@ pub fn run(args: &BuildArgs, terminal: &Terminal) -> Ending {
     });
     bar.finish_and_clear();
     let Some((belief, summary)) = built.map_err(refuse)? else {
+        terminal.remark("interrupted: no map was written");
         return Ok(Exit::Interrupted);
     };
     let grid = belief.into_grid();

@@ -129,11 +129,11 @@ pub fn run(args: &PlanArgs, terminal: &Terminal) -> Ending {
                 .help("give a --min-time of at most the --time-limit"),
         ));
     }
+    interrupt::install()?;
     let output = match &args.output {
         Some(path) => Some(Output::create(path, args.force.force)?),
         None => None,
     };
-    interrupt::install()?;
     // All that a second question on this map would find ready. A single plan under a time limit prepares only what it comes by,
     // within its limit.
     if args.runs > 1 || args.time_limit.is_none() {

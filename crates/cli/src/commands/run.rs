@@ -90,6 +90,7 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
     if setup.path == PathSource::Planned {
         loaded.check_ends(&setup)?;
     }
+    interrupt::install()?;
     let output = match &args.output {
         Some(path) => Output::create(path, args.force.force)?,
         None => Output::numbered(
@@ -98,7 +99,6 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
             "mcap",
         )?,
     };
-    interrupt::install()?;
     let info = run_info(&loaded, &setup);
     let run_id = info.more.get("run_id").cloned().unwrap_or_default();
     let stream = BufWriter::new(output.handle()?);

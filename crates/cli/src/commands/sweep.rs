@@ -129,12 +129,12 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
                 .help("vary fewer values, or make fewer runs of each"),
         ));
     };
+    interrupt::install()?;
     let output = open(&args.output, args.force)?;
     let picture = match &args.map {
         Some(path) => Some(Output::create(path, args.force.force)?),
         None => None,
     };
-    interrupt::install()?;
 
     // Row by row, so that a crash leaves what was done in the `.part` file.
     let mut table = output.handle()?;

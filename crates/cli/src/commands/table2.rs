@@ -79,8 +79,8 @@ pub fn run(args: &Table2Args, terminal: &Terminal) -> Ending {
             "add [map] and [goal]",
         ))));
     };
-    let target = args.table.open()?;
     interrupt::install()?;
+    let target = args.table.open()?;
     let began = Instant::now();
     let study = Table2Study {
         problem: &problem,
