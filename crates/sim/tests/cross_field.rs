@@ -1,6 +1,8 @@
 //! Scenarios whose values are each in range and make no sense together.
 
-use bikebot_sim::{Override, ScenarioFile, Setup, SetupError};
+mod common;
+
+use bikebot_sim::{Setup, SetupError};
 
 const COURSE: &str =
     "format = 1\nname = \"course\"\n[path]\nwaypoints = [[1.0, 1.0, 0.0], [4.8, 2.2, 55.0]]\n";
@@ -20,11 +22,7 @@ fn read(name: &str) -> Result<Vec<u8>, String> {
 }
 
 fn resolve(text: &str, changes: &[&str]) -> Result<Setup, SetupError> {
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(text, &changes).expect("each value is in range");
+    let file = common::parse(text, changes).expect("each value is in range");
     Setup::resolve(&file, &mut |name| read(name))
 }
 
@@ -100,8 +98,7 @@ fn a_plant_without_balance_knows_no_mode_change() {
 #[test]
 fn a_mode_change_quicker_than_the_law_allows_is_refused_before_the_ride() {
     let change = "bike.mode_change=[{time_s=1.0,mode=\"balancer\",duration_s=0.6}]";
-    let changes = [change.parse::<Override>().expect("key=value")];
-    let error = ScenarioFile::parse(COURSE, &changes).expect_err("0.6 s is too quick");
+    let error = common::parse(COURSE, &[change]).expect_err("0.6 s is too quick");
     assert!(error.message.contains("out of range"), "{error}");
 }
 

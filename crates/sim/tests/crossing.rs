@@ -1,46 +1,14 @@
 //! Rides among things that move, with the real laser, mapper, tracker, controller and bike.
 
-use bikebot_sim::clock::SimTime;
-use bikebot_sim::record::{Event, NoticeKind, RecordError, Recorder};
+mod common;
+
+use bikebot_sim::record::NoticeKind;
 use bikebot_sim::study::crossing;
-use bikebot_sim::{Override, RunControl, RunOutcome, RunReport, ScenarioFile, Setup, run};
-
-/// Keeps the notices of a ride.
-#[derive(Default)]
-struct Notices(Vec<(f64, NoticeKind, String, f64)>);
-
-impl Recorder for Notices {
-    fn record(&mut self, time: SimTime, event: &Event<'_>) -> Result<(), RecordError> {
-        if let Event::Notice { kind, text, value } = event {
-            self.0
-                .push((time.seconds(), *kind, (*text).to_owned(), *value));
-        }
-        Ok(())
-    }
-}
-
-impl Notices {
-    fn count(&self, kind: NoticeKind) -> usize {
-        self.0.iter().filter(|notice| notice.1 == kind).count()
-    }
-}
+use bikebot_sim::{RunOutcome, RunReport};
+use common::{Notices, noticed, setup};
 
 fn ride(text: &str, changes: &[&str]) -> (RunReport, Notices) {
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(text, &changes).unwrap_or_else(|error| panic!("{error}"));
-    let setup = Setup::resolve(&file, &mut |_| Err("no files here".into()))
-        .unwrap_or_else(|error| panic!("{error}"));
-    let mut notices = Notices::default();
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
-    let report = run(&setup, &mut notices, control).expect("a run");
-    (report, notices)
+    noticed(&setup(text, changes))
 }
 
 /// A way of 18 m through an open yard, seen for the first time.

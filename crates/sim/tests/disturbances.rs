@@ -1,7 +1,9 @@
 //! Disturbances and faults on whole rides, and what of them is refused.
 
+mod common;
+
 use bikebot_sim::record::Trace;
-use bikebot_sim::{Override, RunControl, RunOutcome, RunReport, ScenarioFile, Setup, SetupError};
+use bikebot_sim::{Override, RunOutcome, RunReport, ScenarioFile, Setup, SetupError};
 
 /// The course of the design note, §11.2.
 const COURSE: &str = r#"
@@ -24,15 +26,7 @@ fn resolve(text: &str, disturbance: &str) -> Result<Setup, SetupError> {
 
 fn ride(text: &str, disturbance: &str) -> (RunReport, Trace) {
     let setup = resolve(text, disturbance).unwrap_or_else(|error| panic!("{disturbance}: {error}"));
-    let mut trace = Trace::default();
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
-    let report = bikebot_sim::run(&setup, &mut trace, control)
-        .unwrap_or_else(|error| panic!("{disturbance}: {error}"));
-    (report, trace)
+    common::traced(&setup)
 }
 
 #[track_caller]

@@ -1,7 +1,9 @@
 //! The least, the greatest and the tiniest value of every numeric key: refused with the key named, or ridden
 //! to an outcome with numbers in every metric.
 
-use bikebot_sim::{Override, RunControl, ScenarioFile, Setup, json_schema, run};
+mod common;
+
+use bikebot_sim::{Override, ScenarioFile, Setup, json_schema};
 use serde_json::Value;
 
 const RIDES: [&str; 3] = [
@@ -93,13 +95,8 @@ fn try_to_ride(text: &str, key: &str, value: &str) {
             return;
         }
     };
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
     // An error is a refusal, too: a bike whose balancer has no authority.
-    if let Ok(report) = run(&setup, &mut (), control) {
+    if let Ok(report) = common::try_ride(&setup, &mut ()) {
         for (name, found) in report.metrics.iter() {
             assert!(found.is_finite(), "{key} = {value}: {name} is {found}");
         }

@@ -1,9 +1,10 @@
 //! The laser and what moves in the true world, on whole rides.
 
+mod common;
+
 use bikebot_sim::record::Trace;
-use bikebot_sim::{
-    Override, RunControl, RunOutcome, RunReport, ScenarioFile, Setup, SetupError, run,
-};
+use bikebot_sim::{RunOutcome, RunReport, ScenarioFile, SetupError};
+use common::{resolve, setup};
 
 /// A straight way of 9 m along y = 5 with a wall far to the left of it.
 const STRAIGHT: &str = "\
@@ -25,25 +26,10 @@ beams = 91
 rate_hz = 10
 ";
 
-fn resolve(text: &str, changes: &[&str]) -> Result<Setup, SetupError> {
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(text, &changes).unwrap_or_else(|error| panic!("{error}"));
-    Setup::resolve(&file, &mut |_| Err("no files here".into()))
-}
-
 fn ride(more: &str, changes: &[&str]) -> (RunReport, Trace) {
-    let setup = resolve(&format!("{STRAIGHT}{more}"), changes)
-        .unwrap_or_else(|error| panic!("{changes:?}: {error}"));
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
+    let setup = setup(&format!("{STRAIGHT}{more}"), changes);
     let mut trace = Trace::with_scans();
-    let report = run(&setup, &mut trace, control).expect("a run");
+    let report = common::ride(&setup, &mut trace);
     (report, trace)
 }
 

@@ -1,42 +1,23 @@
 //! The bike falls when it should, soon enough, and says why.
 
+mod common;
+
 use bikebot_dynamics::{BikeInput, BikeParams, BikeState};
 use bikebot_geometry::Pose2;
 use bikebot_sim::fall_cause::{FALL_REASONS, is_beyond_recovery};
 use bikebot_sim::monitor::FALL_ROLL;
 use bikebot_sim::record::Trace;
-use bikebot_sim::{
-    Override, RunControl, RunOutcome, RunReport, ScenarioFile, Setup, SetupError, run,
-};
+use bikebot_sim::{RunOutcome, SetupError};
+use common::{resolve, setup, traced};
 
 const STRAIGHT: &str = "format = 1\nname = \"straight\"\n[start]\nspeed_mps = 1.5\n[path]\nwaypoints = [[0, 0, 0], [20, 0, 0]]\n[run]\nduration_s = 20.0\n";
 const COURSE: &str = "format = 1\nname = \"course\"\n[start]\nspeed_mps = 0.3\n[path]\nwaypoints = [[1.0, 1.0, 0.0], [4.8, 2.2, 55.0], [7.0, 5.6, 30.0], [8.0, 8.0, 90.0]]\n[run]\nduration_s = 30.0\n";
 const STAND: &str = "format = 1\nname = \"stand\"\n[plant]\nmodel = \"two_link\"\n";
 
-fn resolve(text: &str, changes: &[&str]) -> Result<Setup, SetupError> {
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(text, &changes)?;
-    Setup::resolve(&file, &mut |name| Err(format!("no file {name}")))
-}
-
-fn play(setup: &Setup) -> (RunReport, Trace) {
-    let mut trace = Trace::default();
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
-    let report = run(setup, &mut trace, control).unwrap_or_else(|error| panic!("{error}"));
-    (report, trace)
-}
-
 #[track_caller]
 fn falls(text: &str, changes: &[&str], reason: &str) -> Trace {
-    let setup = resolve(text, changes).unwrap_or_else(|error| panic!("{changes:?}: {error}"));
-    let (report, trace) = play(&setup);
+    let setup = setup(text, changes);
+    let (report, trace) = traced(&setup);
     assert_eq!(
         (report.outcome, report.reason.as_str()),
         (RunOutcome::Fell, reason),
@@ -107,8 +88,8 @@ fn a_fall_is_called_within_a_fifth_of_a_second_of_being_certain() {
         (STAND, vec!["start.roll_deg=12"]),
         (STRAIGHT, vec![STUCK]),
     ] {
-        let setup = resolve(text, &changes).expect("a scenario");
-        let (report, trace) = play(&setup);
+        let setup = setup(text, &changes);
+        let (report, trace) = traced(&setup);
         assert_eq!(report.outcome, RunOutcome::Fell, "{changes:?}");
         let s = &trace.state;
         let ticks = (0.2 / setup.control.seconds()) as usize;
@@ -131,9 +112,9 @@ fn a_fall_is_called_within_a_fifth_of_a_second_of_being_certain() {
 
 #[test]
 fn a_state_that_is_no_number_stops_the_run_within_a_step_and_is_named() {
-    let mut setup = resolve(STRAIGHT, &[]).expect("a scenario");
+    let mut setup = setup(STRAIGHT, &[]);
     setup.true_bike.i1x = f64::NAN;
-    let (report, trace) = play(&setup);
+    let (report, trace) = traced(&setup);
     assert_eq!(
         (report.outcome, report.reason.as_str()),
         (RunOutcome::Fell, "not_finite")

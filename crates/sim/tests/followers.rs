@@ -3,8 +3,10 @@
 
 #![expect(clippy::print_stdout, reason = "a table is what this prints")]
 
+mod common;
+
+use bikebot_sim::RunOutcome;
 use bikebot_sim::outcome::Metrics;
-use bikebot_sim::{Override, RunControl, RunOutcome, ScenarioFile, Setup, run};
 
 const COURSE: &str = include_str!("../../../scenarios/course.toml");
 const SMOOTH: &str = include_str!("../../../scenarios/course-smooth.toml");
@@ -12,19 +14,7 @@ const EIGHT: &str = include_str!("../../../scenarios/figure-eight.toml");
 const CONTROLLERS: [&str; 4] = ["pvfc", "pure_pursuit", "stanley", "lqr"];
 
 fn ride(text: &str, changes: &[&str]) -> Metrics {
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(text, &changes).expect("a scenario");
-    let setup = Setup::resolve(&file, &mut |name| Err(format!("no file {name}")))
-        .unwrap_or_else(|error| panic!("{changes:?}: {error}"));
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
-    let report = run(&setup, &mut (), control).unwrap_or_else(|error| panic!("{error}"));
+    let report = common::ride(&common::setup(text, changes), &mut ());
     assert_eq!(
         report.outcome,
         RunOutcome::Arrived,

@@ -1,50 +1,10 @@
 //! Rides on what the laser shows, with the real mapper, controller and bike.
 
-use bikebot_sim::clock::SimTime;
-use bikebot_sim::record::{Event, NoticeKind, RecordError, Recorder};
-use bikebot_sim::{
-    Override, RunControl, RunOutcome, RunReport, ScenarioFile, Setup, SetupError, run,
-};
+mod common;
 
-/// Keeps the notices of a ride.
-#[derive(Default)]
-struct Notices(Vec<(f64, NoticeKind, String, f64)>);
-
-impl Recorder for Notices {
-    fn record(&mut self, time: SimTime, event: &Event<'_>) -> Result<(), RecordError> {
-        if let Event::Notice { kind, text, value } = event {
-            self.0
-                .push((time.seconds(), *kind, (*text).to_owned(), *value));
-        }
-        Ok(())
-    }
-}
-
-fn setup(text: &str, changes: &[&str]) -> Setup {
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(text, &changes).unwrap_or_else(|error| panic!("{error}"));
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/");
-    Setup::resolve(&file, &mut |name| {
-        std::fs::read(format!("{folder}{name}")).map_err(|error| error.to_string())
-    })
-    .unwrap_or_else(|error| panic!("{error}"))
-}
-
-fn ride(setup: &Setup) -> (RunReport, Notices) {
-    let mut notices = Notices::default();
-    let began = std::time::Instant::now();
-    let clock = || began.elapsed().as_secs_f64();
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: Some(&clock),
-    };
-    let report = run(setup, &mut notices, control).expect("a run");
-    (report, notices)
-}
+use bikebot_sim::record::NoticeKind;
+use bikebot_sim::{RunOutcome, SetupError};
+use common::{noticed, resolve, setup};
 
 /// A field of 16 m by 10 m with a wall that has to be passed above, seen for the first time.
 const WALL: &str = "\
@@ -81,7 +41,7 @@ pose_rate_hz = 20.0
 #[test]
 fn a_field_seen_for_the_first_time_is_crossed_in_both_modes_with_noise() {
     for mode in ["flywheel", "balancer"] {
-        let (report, notices) = ride(&setup(
+        let (report, notices) = noticed(&setup(
             &format!("{WALL}{NOISE}"),
             &[&format!("bike.mode={mode}")],
         ));
@@ -98,7 +58,7 @@ fn a_field_seen_for_the_first_time_is_crossed_in_both_modes_with_noise() {
 #[test]
 fn a_ride_repeats_bit_for_bit_and_the_seed_matters() {
     let text = format!("{WALL}{NOISE}");
-    let hash = |changes: &[&str]| ride(&setup(&text, changes)).0.result_hash;
+    let hash = |changes: &[&str]| noticed(&setup(&text, changes)).0.result_hash;
     assert_eq!(hash(&[]), hash(&[]));
     assert_ne!(hash(&[]), hash(&["run.seed=2"]));
 }
@@ -108,7 +68,7 @@ fn what_appears_on_the_way_is_not_touched_and_the_ride_says_what_happened() {
     // Across the whole gap above the wall, for good: no way is left.
     let fence = "[[obstacle]]\nshape = \"box:0.4x4.4\"\nwaypoints_m = [[9, 8]]\nheading_deg = 0\nappear_s = 3.0\n\
         [[obstacle]]\nshape = \"box:0.4x6\"\nwaypoints_m = [[9, 3]]\nheading_deg = 0\nappear_s = 3.0\n";
-    let (report, notices) = ride(&setup(
+    let (report, notices) = noticed(&setup(
         &format!("{WALL}{NOISE}{fence}"),
         &["online.give_up_s=3"],
     ));
@@ -127,7 +87,7 @@ fn what_appears_on_the_way_is_not_touched_and_the_ride_says_what_happened() {
 fn a_known_map_with_something_new_on_it_is_ridden_around_it() {
     let block = "[[obstacle]]\nshape = \"box:1x1\"\nwaypoints_m = [[7.2, 6.7]]\nappear_s = 2.0\n";
     let changes = ["map.known=true", "online.enabled=true"];
-    let (report, notices) = ride(&setup(&format!("{WALL}{block}"), &changes));
+    let (report, notices) = noticed(&setup(&format!("{WALL}{block}"), &changes));
     assert_eq!(report.outcome, RunOutcome::Arrived, "{:?}", notices.0);
     assert!(report.metrics.replans >= Some(1), "{:?}", notices.0);
     assert!(report.metrics.min_clearance_m > Some(0.0));
@@ -136,7 +96,7 @@ fn a_known_map_with_something_new_on_it_is_ridden_around_it() {
 #[test]
 fn a_goal_that_is_seen_to_be_taken_is_no_path() {
     let text = WALL.replace("x_m = 13\ny_m = 3", "x_m = 7.2\ny_m = 3");
-    let (report, _) = ride(&setup(&text, &[]));
+    let (report, _) = noticed(&setup(&text, &[]));
     assert_eq!(
         (report.outcome, report.reason.as_str()),
         (RunOutcome::NoPath, "goal_blocked")
@@ -145,12 +105,7 @@ fn a_goal_that_is_seen_to_be_taken_is_no_path() {
 
 #[track_caller]
 fn assert_refuses(text: &str, changes: &[&str], key: &str, says: &str) {
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(text, &changes).unwrap_or_else(|error| panic!("{error}"));
-    match Setup::resolve(&file, &mut |_| Err("no files here".into())) {
+    match resolve(text, changes) {
         Err(SetupError::Scenario(error)) => {
             assert_eq!(error.key.as_deref(), Some(key), "{error}");
             assert!(error.to_string().contains(says), "{error}");

@@ -1,8 +1,10 @@
 //! A recorder that fails costs the recording, never the ride.
 
+mod common;
+
 use bikebot_sim::clock::SimTime;
 use bikebot_sim::record::{Event, RecordError, Recorder};
-use bikebot_sim::{RunControl, RunOutcome, RunReport, ScenarioFile, Setup, run};
+use bikebot_sim::{RunOutcome, RunReport};
 
 /// Fails at its n-th event.
 struct FailsAt(usize);
@@ -20,14 +22,7 @@ impl Recorder for FailsAt {
 
 fn ride(recorder: &mut dyn Recorder) -> RunReport {
     let text = "format = 1\nname = \"line\"\n[path]\nwaypoints = [[0, 0, 0], [3, 0, 0]]\n";
-    let file = ScenarioFile::parse(text, &[]).expect("valid");
-    let setup = Setup::resolve(&file, &mut |_| Err("no files".into())).expect("resolves");
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
-    run(&setup, recorder, control).expect("a ride")
+    common::ride(&common::setup(text, &[]), recorder)
 }
 
 #[test]

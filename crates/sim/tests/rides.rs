@@ -1,6 +1,8 @@
 //! Whole rides: that they end as they should, and report what applies and nothing else.
 
-use bikebot_sim::{Override, RunControl, RunOutcome, RunReport, ScenarioFile, Setup, run};
+mod common;
+
+use bikebot_sim::{RunOutcome, RunReport};
 
 /// The course of the design note, §11.2.
 const COURSE: &str = r#"
@@ -15,19 +17,7 @@ duration_s = 30.0
 "#;
 
 fn ride_of(text: &str, changes: &[&str]) -> RunReport {
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(text, &changes).expect("a scenario");
-    let setup = Setup::resolve(&file, &mut |name| Err(format!("no file {name}")))
-        .unwrap_or_else(|error| panic!("{changes:?}: {error}"));
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
-    run(&setup, &mut (), control).unwrap_or_else(|error| panic!("{changes:?}: {error}"))
+    common::ride(&common::setup(text, changes), &mut ())
 }
 
 fn ride(changes: &[&str]) -> RunReport {

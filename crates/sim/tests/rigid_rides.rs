@@ -3,9 +3,11 @@
 // What was measured, for `--nocapture`.
 #![allow(clippy::print_stdout)]
 
+mod common;
+
 use bikebot_sim::record::Trace;
-use bikebot_sim::{Override, RunControl, RunOutcome, RunReport, ScenarioFile, Setup, run};
-use std::path::PathBuf;
+use bikebot_sim::{RunOutcome, RunReport};
+use common::SCENARIOS;
 
 /// Noise as the whole-ride claim has it.
 const NOISE: [&str; 5] = [
@@ -17,26 +19,8 @@ const NOISE: [&str; 5] = [
 ];
 
 fn ride(name: &str, changes: &[&str]) -> (RunReport, Trace) {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
-    let text = std::fs::read_to_string(folder.join(name)).expect("a shipped scenario");
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(&text, &changes).expect("a scenario");
-    let setup = Setup::resolve(&file, &mut |name| {
-        std::fs::read(folder.join(name)).map_err(|error| error.to_string())
-    })
-    .unwrap_or_else(|error| panic!("{changes:?}: {error}"));
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
-    let mut trace = Trace::default();
-    let report =
-        run(&setup, &mut trace, control).unwrap_or_else(|error| panic!("{changes:?}: {error}"));
-    (report, trace)
+    let text = std::fs::read_to_string(format!("{SCENARIOS}{name}")).expect("a shipped scenario");
+    common::traced(&common::setup(&text, changes))
 }
 
 const RAPIER: &str = "plant.model=rapier3d";
@@ -219,16 +203,9 @@ fn the_mode_changes_while_it_rides() {
 #[test]
 fn a_step_too_long_for_the_tyres_and_a_bike_lighter_than_its_wheels_are_refused() {
     let refused = |changes: &[&str]| {
-        let text = std::fs::read_to_string(
-            PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/course.toml"),
-        )
-        .expect("a shipped scenario");
-        let changes: Vec<Override> = changes
-            .iter()
-            .map(|change| change.parse().expect("key=value"))
-            .collect();
-        let file = ScenarioFile::parse(&text, &changes).expect("a scenario");
-        Setup::resolve(&file, &mut |name| Err(format!("no file {name}")))
+        let text =
+            std::fs::read_to_string(format!("{SCENARIOS}course.toml")).expect("a shipped scenario");
+        common::resolve(&text, changes)
             .expect_err("refused")
             .to_string()
     };

@@ -1,7 +1,9 @@
 //! The supervisor on whole rides: it leaves balancer mode before a margin is gone, slows down, and says so.
 
+mod common;
+
 use bikebot_sim::record::Trace;
-use bikebot_sim::{Override, RunControl, RunOutcome, RunReport, ScenarioFile, Setup, run};
+use bikebot_sim::{RunOutcome, RunReport};
 
 const COURSE: &str = "format = 1\nname = \"course\"\n[start]\nspeed_mps = 0.3\n[path]\nwaypoints = [[1.0, 1.0, 0.0], [4.8, 2.2, 55.0], [7.0, 5.6, 30.0], [8.0, 8.0, 90.0]]\n[run]\nduration_s = 60.0\n";
 
@@ -10,21 +12,7 @@ fn ride(changes: &[&str]) -> (RunReport, Trace) {
 }
 
 fn ride_of(scenario: &str, changes: &[&str]) -> (RunReport, Trace) {
-    let changes: Vec<Override> = changes
-        .iter()
-        .map(|change| change.parse().expect("key=value"))
-        .collect();
-    let file = ScenarioFile::parse(scenario, &changes).expect("a scenario");
-    let setup = Setup::resolve(&file, &mut |name| Err(format!("no file {name}")))
-        .unwrap_or_else(|error| panic!("{changes:?}: {error}"));
-    let mut trace = Trace::default();
-    let control = RunControl {
-        stop: &|| false,
-        progress: &mut |_| {},
-        clock: None,
-    };
-    let report = run(&setup, &mut trace, control).unwrap_or_else(|error| panic!("{error}"));
-    (report, trace)
+    common::traced(&common::setup(scenario, changes))
 }
 
 fn said(trace: &Trace) -> Vec<&str> {

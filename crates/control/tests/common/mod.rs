@@ -340,25 +340,30 @@ pub fn jumpy_path(seed: u64) -> CurvePath {
     CurvePath::new(segments).unwrap()
 }
 
+/// Where an arc of `curvature`, 1/m, ends that leaves `pose` and is `length` m long.
+fn end_of_arc(pose: Pose2, curvature: f64, length: f64) -> Pose2 {
+    let turn = curvature * length;
+    let (chord, bearing) = if turn == 0.0 {
+        (length, pose.heading)
+    } else {
+        (
+            2.0 / curvature * (0.5 * turn).sin(),
+            pose.heading + 0.5 * turn,
+        )
+    };
+    Pose2::new(
+        pose.position.x + chord * bearing.cos(),
+        pose.position.y + chord * bearing.sin(),
+        pose.heading + turn,
+    )
+}
+
 /// Arcs of 0.8 1/m to either side, joined with straight pieces of 1 m and with each other.
 pub fn slalom() -> CurvePath {
     let mut pose = Pose2::new(0.0, 0.0, 0.0);
     let mut segments = Vec::new();
     let mut push = |curvature: f64, length: f64| {
-        let turn = curvature * length;
-        let (chord, bearing) = if turn == 0.0 {
-            (length, pose.heading)
-        } else {
-            (
-                2.0 / curvature * (0.5 * turn).sin(),
-                pose.heading + 0.5 * turn,
-            )
-        };
-        let end = Pose2::new(
-            pose.position.x + chord * bearing.cos(),
-            pose.position.y + chord * bearing.sin(),
-            pose.heading + turn,
-        );
+        let end = end_of_arc(pose, curvature, length);
         segments.push(FergusonCurve::between(pose, end, length));
         pose = end;
     };

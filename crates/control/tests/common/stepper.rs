@@ -6,7 +6,7 @@ use bikebot_dynamics::{
 };
 use bikebot_geometry::{CurvePath, FergusonCurve, Pose2};
 
-use super::{CONTROL_PERIOD, PLANT_STEP, Ride, rand_chacha_stream};
+use super::{CONTROL_PERIOD, PLANT_STEP, Ride, end_of_arc, rand_chacha_stream};
 
 /// The noise of the ride tests: a gyro, encoders, and a localiser at 10 Hz, 100 ms late, carried on by odometry.
 pub fn noisy() -> SensorParams {
@@ -29,20 +29,8 @@ pub fn straight_then_arc(straight: f64, curvature: f64, arc: f64) -> CurvePath {
     let mut pose = Pose2::new(0.0, 0.0, 0.0);
     let mut segments = Vec::new();
     let mut push = |curvature: f64, length: f64| {
+        let end = end_of_arc(pose, curvature, length);
         let turn = curvature * length;
-        let (chord, bearing) = if turn == 0.0 {
-            (length, pose.heading)
-        } else {
-            (
-                2.0 / curvature * (0.5 * turn).sin(),
-                pose.heading + 0.5 * turn,
-            )
-        };
-        let end = Pose2::new(
-            pose.position.x + chord * bearing.cos(),
-            pose.position.y + chord * bearing.sin(),
-            pose.heading + turn,
-        );
         // The tangent that lets a cubic meet its circle half way.
         let tangent = if turn == 0.0 {
             length
