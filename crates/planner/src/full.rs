@@ -14,7 +14,11 @@
 //! and the plan is the same. Where an iteration budget ends in the midst of a batch, the start it ends in is made again with what is
 //! left for it, as if all had run one after the other.
 
-use crate::birrt;
+mod found;
+mod starts;
+
+pub(crate) use found::{Best, FullSearch, Step};
+
 use crate::budget::Meter;
 use crate::chance::{Chance, Purpose};
 use crate::connection::Connector;
@@ -23,18 +27,15 @@ use crate::corridor;
 use crate::corridor_ends::Ends;
 use crate::end_arcs::DubinsWord;
 use crate::guide;
-use crate::in_order;
 use crate::motion::MotionChecker;
 use crate::params::{GoalMode, PlannerParams};
 use crate::problem::PlanningProblem;
 use crate::refine::{self, Refined};
-use crate::report::{Stage, Stages};
-use crate::search::PointQuery;
+use crate::report::Stage;
 use crate::shortest::shortest;
 use crate::taut::{self, Ending, Pulled, Rivals};
-use bikebot_geometry::{
-    CurvePath, FergusonCurve, ParametricCurve, Point2, Polyline, Pose2, Vector2, angle,
-};
+use bikebot_geometry::{CurvePath, ParametricCurve, Point2, Polyline, Pose2, Vector2, angle};
+use found::{Tell, Way, step};
 
 /// Starts of a batch. Rivals are shared between batches only: more of them would find more paths twice.
 const BATCH: u32 = 8;
@@ -66,66 +67,6 @@ const NEAR: f64 = 6.0;
 const WORD_RADIUS: f64 = 1.3;
 /// A turn between an end's heading and the guide beyond which bending the guide may give the cheaper curve, rad.
 const SHARP: f64 = std::f64::consts::FRAC_PI_3;
-
-/// What the search tells while it is under way.
-pub(crate) struct Step<'a> {
-    pub stage: Stage,
-    /// Iterations of all stages until then.
-    pub iteration: u64,
-    /// m.
-    pub length: f64,
-    pub cost: f64,
-    /// A certified path, cheaper than all before it; `None` of a polyline on the way to one.
-    pub curves: Option<&'a [FergusonCurve]>,
-}
-
-/// Told of every step.
-type Tell<'t> = &'t mut dyn FnMut(&Step<'_>);
-
-/// What the search came to.
-#[derive(Default)]
-pub(crate) struct FullSearch {
-    pub best: Option<Best>,
-    /// It is proven that nothing connects start and goal.
-    pub disconnected: bool,
-    /// A polyline was found.
-    pub has_way: bool,
-    /// No path is shorter, m.
-    pub lower_bound: f64,
-    /// Whether that is the length of the shortest way, headings and curvature ignored.
-    is_exact: bool,
-    /// What the best path was made from; what was found last, if there is none.
-    pub stages: Stages,
-    /// Lengths of the taut polylines, m.
-    rivals: Vec<f64>,
-    /// Corridors searched.
-    corridors: u32,
-}
-
-/// The cheapest certified path so far.
-pub(crate) struct Best {
-    pub curves: Vec<FergusonCurve>,
-    pub cost: f64,
-    spacing: f64,
-    /// Whether its curvature is continuous.
-    smooth: bool,
-    polished: bool,
-}
-
-/// A polyline, as it was found and pulled tight.
-struct Way {
-    number: u32,
-    tree: Vec<[Point2; 2]>,
-    coarse: Vec<Point2>,
-    pulled: Pulled,
-}
-
-/// What came of one BiRRT start.
-enum Start {
-    Way(Way),
-    Disconnected,
-    Nothing,
-}
 
 /// Everything the starts share; nothing of it changes.
 pub(crate) struct Full<'a, 'w> {
@@ -359,92 +300,6 @@ impl Full<'_, '_> {
             }
         });
         self.keep(&way, refined, told, found, meter, tell);
-    }
-
-    /// The starts `first`, `first` + 1, … of one batch: their ways, and then the curves along those of them that can be worth it.
-    fn batch(&self, first: u32, found: &mut FullSearch, meter: &mut Meter<'_>, tell: Tell<'_>) {
-        let last = (first + BATCH - 1).min(self.params.starts);
-        let numbers: Vec<u32> = (first..=last).collect();
-        let known = found.rivals.clone();
-        let has_way = found.has_way;
-        let shorter_than = found.cost() / self.weight();
-        let mut ways: Vec<Way> = Vec::new();
-        in_order::run(
-            &numbers,
-            meter,
-            |&number, meter| self.start(number, has_way, shorter_than, &known, meter),
-            |start, _| match start {
-                Start::Way(way) => {
-                    found.has_way = true;
-                    if self.is_new(&way, &found.rivals) {
-                        found.rivals.push(way.pulled.length);
-                        ways.push(way);
-                    }
-                    true
-                }
-                Start::Disconnected => {
-                    found.disconnected = true;
-                    false
-                }
-                // Without a way the next start would do no better with as many samples.
-                Start::Nothing => has_way,
-            },
-        );
-        // A curve is no shorter than the taut polyline of its class.
-        ways.retain(|way| self.weight() * way.pulled.length < found.cost());
-        in_order::run(
-            &ways,
-            meter,
-            |way, meter| {
-                let guide = self.to_the_region(&way.pulled.path);
-                self.refine(&guide, meter, &mut |_, _| {})
-            },
-            |refined, (index, meter)| {
-                self.keep(&ways[index], refined, f64::INFINITY, found, meter, tell);
-                !self.is_over(found, meter)
-            },
-        );
-        self.polish(found, meter, tell);
-    }
-
-    /// BiRRT and taut.
-    fn start(
-        &self,
-        number: u32,
-        has_way: bool,
-        shorter_than: f64,
-        known: &[f64],
-        meter: &mut Meter<'_>,
-    ) -> Start {
-        let query = PointQuery {
-            checker: self.discs,
-            start: self.problem.start.position,
-            goal: self.problem.goal.position,
-            goal_mode: self.params.goal,
-            tolerance: self.problem.goal.tolerance,
-            max_step: self.params.max_step(),
-            max_samples: if has_way {
-                SAMPLES.min(self.params.search_iterations)
-            } else {
-                self.params.search_iterations
-            },
-            shorter_than,
-        };
-        let mut chance = Chance::new(self.seed, Purpose::Birrt, number);
-        let search = birrt::search(&query, true, &mut chance, meter);
-        if search.disconnected {
-            return Start::Disconnected;
-        }
-        let Some(coarse) = search.path else {
-            return Start::Nothing;
-        };
-        let pulled = taut::pull(&coarse, &self.rivals(known), self.discs, meter);
-        Start::Way(Way {
-            number,
-            tree: search.edges,
-            coarse,
-            pulled,
-        })
     }
 
     fn rivals<'k>(&self, lengths: &'k [f64]) -> Rivals<'k> {
@@ -730,38 +585,5 @@ impl Full<'_, '_> {
             cost: self.params.length_weight * length,
             curves: None,
         });
-    }
-}
-
-impl FullSearch {
-    /// Of the best path; infinite without one.
-    fn cost(&self) -> f64 {
-        self.best.as_ref().map_or(f64::INFINITY, |best| best.cost)
-    }
-
-    fn is_beaten_by(&self, cost: f64) -> bool {
-        cost < self.cost()
-    }
-}
-
-impl From<Refined> for Best {
-    fn from(refined: Refined) -> Self {
-        Self {
-            curves: refined.curves,
-            cost: refined.cost,
-            spacing: refined.spacing,
-            smooth: true,
-            polished: false,
-        }
-    }
-}
-
-fn step(iteration: u64, refined: &Refined) -> Step<'_> {
-    Step {
-        stage: Stage::Refine,
-        iteration,
-        length: refined.length,
-        cost: refined.cost,
-        curves: Some(&refined.curves),
     }
 }

@@ -4,8 +4,8 @@ use crate::{
     Budget, EndPose, GoalRegion, Method, MotionChecker, PlanReport, PlannedPath, PlannerParams,
     plan,
 };
-use bikebot_geometry::{ParametricCurve, Pose2};
-use bikebot_world::World;
+use bikebot_geometry::{ParametricCurve, Point2, Pose2};
+use bikebot_world::{Footprint, World};
 use proptest::prelude::*;
 
 fn params(method: Method, scale: f64) -> PlannerParams {

@@ -17,9 +17,11 @@
 //! Legs and arcs are tested at ρ + η, and measured at ρ.
 
 mod freedom;
+mod graph;
 mod search;
 mod shadows;
 mod tangent;
+mod view;
 
 use crate::budget::Meter;
 use bikebot_geometry::Point2;

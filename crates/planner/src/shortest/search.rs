@@ -1,20 +1,19 @@
 //! A* over legs and arcs. See the module's head for the idea.
 
 use super::freedom::{self, Wall};
+use super::graph::{Arc, Arrival, Circle, Freedom, Goal, Leg, Open, Target};
 use super::shadows::Shadows;
-use super::tangent::{
-    Round, Sense, Span, arrival_normal, bitangent, offset, polar, unit, wrap_about,
-};
+use super::tangent::{Round, Sense, Span, arrival_normal, bitangent, unit, wrap_about};
+use super::view::View;
 use crate::budget::Meter;
-use bikebot_geometry::{Point2, Vector2};
-use bikebot_world::{BoundaryPiece, Bounds, World};
+use bikebot_geometry::Point2;
+use bikebot_world::{BoundaryPiece, World};
 use std::cell::Cell;
-use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
 use std::f64::consts::TAU;
 
 /// Normals (rad) are compared with this much slack: it covers the rounding of the angles, and only ever adds legs.
-const ANGLE_SLACK: f64 = 1e-8;
+pub(super) const ANGLE_SLACK: f64 = 1e-8;
 /// Costs (relative) closer than this are equal.
 const COST_SLACK: f64 = 1e-12;
 /// The surroundings of a circle are looked at ring by ring; each is so many times as large as the one before.
@@ -25,114 +24,6 @@ const FIRST_RING: f64 = 4.0;
 const LOOKS_PER_ITERATION: u32 = 256;
 /// Arcs of the returned path are cut into pieces no longer than this, rad.
 const ARC_STEP: f64 = 10.0 * std::f64::consts::PI / 180.0;
-
-/// A corner or a disc with the radius of the robot added. The start is a circle of radius 0.
-#[derive(Debug)]
-struct Circle {
-    center: Point2,
-    radius: f64,
-    /// The radius at which legs and arcs are tested: a hair more, but for the start.
-    tested_radius: f64,
-    /// Normals at which a path may touch it.
-    span: Span,
-    /// Arcs, once they are known: first and one past the last.
-    arcs: Option<(u32, u32)>,
-}
-
-/// A free piece of a circle.
-#[derive(Debug)]
-struct Arc {
-    circle: u32,
-    span: Span,
-    arrivals: Vec<u32>,
-    /// By sense.
-    sides: [Side; 2],
-}
-
-/// What is known of the legs that leave an arc in one sense.
-#[derive(Debug, Default)]
-struct Side {
-    /// Progress from which on they are known.
-    known_from: Option<f64>,
-    legs: Vec<u32>,
-}
-
-#[derive(Debug, Clone, Copy)]
-enum Target {
-    Circle(u32, Sense),
-    Goal(u32),
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Freedom {
-    Unknown,
-    Clear,
-    Blocked,
-}
-
-/// A straight leg from an arc to a circle or a goal.
-#[derive(Debug)]
-struct Leg {
-    arc: u32,
-    sense: Sense,
-    /// Normal at which it leaves the arc.
-    normal: f64,
-    progress: f64,
-    target: Target,
-    length: f64,
-    /// Least length of a path to where it ends, so far, and the arrival that path comes from.
-    cost: f64,
-    arrival: u32,
-    /// The straight way from its end to the goal.
-    rest: f64,
-    freedom: Freedom,
-}
-
-/// A path's arrival on an arc.
-#[derive(Debug)]
-struct Arrival {
-    /// The leg it came by; none at the start.
-    leg: Option<u32>,
-    normal: f64,
-    sense: Sense,
-    cost: f64,
-}
-
-/// A place to reach: the goal itself, of which the last `shortened` metres need not be gone, or a corner of its ball.
-#[derive(Debug, Clone, Copy)]
-struct Goal {
-    position: Point2,
-    shortened: f64,
-}
-
-/// A leg to be looked at; the heap yields the least total first.
-#[derive(Debug, Clone, Copy)]
-struct Open {
-    total: f64,
-    cost: f64,
-    leg: u32,
-}
-
-impl PartialEq for Open {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for Open {}
-impl PartialOrd for Open {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Open {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other
-            .total
-            .total_cmp(&self.total)
-            .then(self.cost.total_cmp(&other.cost))
-            .then(other.leg.cmp(&self.leg))
-    }
-}
 
 /// How a search ended.
 pub(super) enum End {
@@ -156,15 +47,15 @@ pub(super) struct Scales {
 pub(super) struct Search<'a> {
     world: &'a World,
     walls: Vec<Wall>,
-    scales: Scales,
+    pub(super) scales: Scales,
     start: Point2,
-    goal: Point2,
-    tolerance: f64,
-    upper: f64,
-    circles: Vec<Circle>,
+    pub(super) goal: Point2,
+    pub(super) tolerance: f64,
+    pub(super) upper: f64,
+    pub(super) circles: Vec<Circle>,
     /// By number of the boundary piece and corner of it.
     numbers: HashMap<(u32, u8), u32>,
-    arcs: Vec<Arc>,
+    pub(super) arcs: Vec<Arc>,
     legs: Vec<Leg>,
     arrivals: Vec<Arrival>,
     goals: Vec<Goal>,
@@ -710,181 +601,5 @@ impl<'a> Search<'a> {
         backwards.dedup();
         backwards.reverse();
         backwards
-    }
-}
-
-/// A leg as seen from an arc.
-#[derive(Debug, Clone, Copy)]
-struct Sight {
-    normal: f64,
-    progress: f64,
-    tested_progress: f64,
-    length: f64,
-}
-
-/// What one looks out from: an arc, the sense, and the range of progress.
-#[derive(Debug, Clone, Copy)]
-struct View {
-    arc: u32,
-    center: Point2,
-    radius: f64,
-    tested_radius: f64,
-    sense: Sense,
-    shift: f64,
-    from: f64,
-    to: f64,
-    /// No path that leaves in this range has come less far, m.
-    cost: f64,
-    /// The largest radius added to corners.
-    swell: f64,
-}
-
-impl View {
-    fn new(search: &Search<'_>, arc: u32, sense: Sense, from: f64, to: f64, cost: f64) -> Self {
-        let here = &search.arcs[arc as usize];
-        let circle = &search.circles[here.circle as usize];
-        Self {
-            arc,
-            center: circle.center,
-            radius: circle.radius,
-            tested_radius: circle.tested_radius,
-            sense,
-            shift: here.span.shift(sense),
-            from,
-            to,
-            // A later arrival, farther along the arc, may have saved part of the arc: no more than twice its length, since the
-            // straight ways to the goal differ by no more than the arc.
-            cost: cost - 2.0 * circle.radius * (to - from),
-            swell: search.scales.radius + search.scales.spare,
-        }
-    }
-
-    fn middle(&self) -> f64 {
-        0.5 * (self.from + self.to)
-    }
-
-    /// Progress of the line in the direction `gamma` of something that is to pass it at x.
-    fn progress(&self, gamma: f64, x_over_distance: f64) -> f64 {
-        wrap_about(
-            self.sense.sign() * gamma - x_over_distance.acos() + self.shift,
-            self.middle(),
-        )
-    }
-
-    /// The leg to a circle, if there is one within the range.
-    fn leg(&self, center: Point2, radius: f64, tested_radius: f64, same: bool) -> Option<Sight> {
-        let (gamma, distance) = polar(center - self.center);
-        let x = offset(self.radius, radius, same);
-        if distance <= x.abs() {
-            return None;
-        }
-        let turn = (x / distance).acos();
-        let sign = self.sense.sign();
-        let progress = wrap_about(sign * gamma - turn + self.shift, self.middle());
-        if progress < self.from - ANGLE_SLACK || progress > self.to + ANGLE_SLACK {
-            return None;
-        }
-        let tested = offset(self.tested_radius, tested_radius, same);
-        Some(Sight {
-            normal: gamma - sign * turn,
-            progress,
-            // Within the range, where alone it is known what is in shadow.
-            tested_progress: self
-                .progress(gamma, (tested / distance).clamp(-1.0, 1.0))
-                .clamp(self.from, self.to),
-            length: ((distance - x) * (distance + x)).sqrt(),
-        })
-    }
-
-    fn to(&self, sight: Sight, target: Target) -> Leg {
-        Leg {
-            arc: self.arc,
-            sense: self.sense,
-            normal: sight.normal,
-            progress: sight.progress,
-            target,
-            length: sight.length,
-            cost: f64::INFINITY,
-            arrival: 0,
-            rest: 0.0,
-            freedom: Freedom::Unknown,
-        }
-    }
-
-    /// Whether a leg to the circle about `corner` can lie in the range at all.
-    fn may_see(&self, corner: Point2) -> bool {
-        match self.stopped(corner, self.swell) {
-            Some((a, b)) => [-TAU, 0.0, TAU].into_iter().any(|turn| {
-                b + turn >= self.from - ANGLE_SLACK && a + turn <= self.to + ANGLE_SLACK
-            }),
-            None => true,
-        }
-    }
-
-    /// Between which progresses a disc stops the lines that leave the arc; `None` if it is too near for that to be said.
-    fn stopped(&self, center: Point2, radius: f64) -> Option<(f64, f64)> {
-        let (gamma, distance) = polar(center - self.center);
-        if distance <= self.tested_radius + radius {
-            return None;
-        }
-        let gamma = self.sense.sign() * gamma + self.shift;
-        let first = gamma - ((self.tested_radius - radius) / distance).acos();
-        let last = gamma - ((self.tested_radius + radius) / distance).acos();
-        let first = wrap_about(first, self.middle());
-        Some((first, wrap_about(last, first)))
-    }
-
-    /// Announces the shadow of a side, widened by `room`, if it faces the arc.
-    fn side(&self, a: Point2, b: Point2, room: f64, shadows: &mut Shadows) {
-        let (u, v) = (a - self.center, b - self.center);
-        let span = b - a;
-        let length = span.norm();
-        // Solid on the left: it faces those on its right. Where its line comes near the circle it can be seen at any angle.
-        if u.perp(&v) >= -(self.tested_radius + room) * length {
-            return;
-        }
-        let (Some(one), Some(other)) = (self.stopped(a, room), self.stopped(b, room)) else {
-            return;
-        };
-        let shift = wrap_about(other.0, one.0) - other.0;
-        let (first, last) = (one.0.min(other.0 + shift), one.1.max(other.1 + shift));
-        shadows.announce(u.norm().max(v.norm()) + room, first, last);
-    }
-
-    /// Least and largest distance (m) of the arc's centre to a box.
-    fn distances(&self, b: &Bounds) -> (f64, f64) {
-        let c = self.center;
-        let least = Vector2::new(
-            (b.min.x - c.x).max(c.x - b.max.x).max(0.0),
-            (b.min.y - c.y).max(c.y - b.max.y).max(0.0),
-        );
-        let most = Vector2::new(
-            (c.x - b.min.x).max(b.max.x - c.x),
-            (c.y - b.min.y).max(b.max.y - c.y),
-        );
-        (least.norm(), most.norm())
-    }
-
-    /// Whether something in a box can be seen, and be part of a path that is not too long.
-    fn is_of_use(&self, b: &Bounds, least: f64, shadows: &Shadows, search: &Search<'_>) -> bool {
-        if search.upper.is_finite() {
-            let g = search.goal;
-            let to_goal = Vector2::new(
-                (b.min.x - g.x).max(g.x - b.max.x).max(0.0),
-                (b.min.y - g.y).max(g.y - b.max.y).max(0.0),
-            )
-            .norm();
-            let near = self.radius + 2.0 * self.swell;
-            if self.cost + least + to_goal - near - search.tolerance > search.upper {
-                return false;
-            }
-        }
-        let half = (b.max - b.min) * 0.5;
-        // Half again as much as the rounding of a tangent could ask for.
-        let radius = half.norm() + self.swell * (1.0 + 1e-9);
-        match self.stopped(b.min + half, radius) {
-            Some((first, last)) => !shadows.cover(first - ANGLE_SLACK, last + ANGLE_SLACK),
-            None => true,
-        }
     }
 }

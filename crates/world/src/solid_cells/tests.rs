@@ -1,6 +1,7 @@
 //! The bits against the boundary's edges tried one by one, and the ray against every cell's square.
 
 use super::*;
+use crate::grid::Cell;
 use bikebot_geometry::Pose2;
 use proptest::prelude::*;
 
