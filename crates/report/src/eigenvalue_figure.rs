@@ -7,6 +7,7 @@ use crate::drawing::{Anchor, Area, Drawing, Item, Label, Outline, Style};
 use crate::label;
 use crate::legend::{Legend, Swatch};
 use crate::palette;
+use crate::sheet::headed;
 
 /// The charts, px: the upper one shows real, the lower one imaginary parts.
 const LEFT: f64 = 78.0;
@@ -23,6 +24,12 @@ const FREQUENCY_TICKS: usize = 5;
 const WEAVE: Style = Style::line(palette::BLUE, 2.6);
 const CAPSIZE: Style = Style::line(palette::VERMILION, 2.6).dashed(&[11.0, 5.0]);
 const CASTER: Style = Style::line(palette::PURPLE, 3.2).dashed(&[2.0, 6.0]);
+/// In the order they are drawn: the slow ones lie on top.
+const MODES: [(Mode, Style); 3] = [
+    (Mode::Caster, CASTER),
+    (Mode::Capsize, CAPSIZE),
+    (Mode::Weave, WEAVE),
+];
 const STABLE: Style = Style::fill(palette::GREEN).faint(0.16);
 const CRITICAL: Style = Style::line(palette::INK, 1.0).dashed(&[4.0, 4.0]);
 
@@ -56,17 +63,13 @@ impl<'a> EigenvalueFigure<'a> {
     pub fn draw(&self) -> Drawing {
         let legend = legend();
         let height = LEGEND_TOP + legend.height(4) + 18.0;
-        let title = format!("{}: {}", self.title, self.facts);
-        let mut drawing = Drawing::new(LEFT + WIDTH + 24.0, height, title);
-        let sheet = Area::new(0.0, 0.0, drawing.width, drawing.height);
-        drawing.shape(Outline::rectangle(sheet), Style::fill(palette::PAPER));
-        for (text, y, size, colour) in [
-            (&self.title, 36.0, 21.0, palette::INK),
-            (&self.facts, 60.0, 13.0, palette::GREY),
-        ] {
-            let text = label::fitted(text, size, WIDTH);
-            drawing.label(Label::new(text, [LEFT, y], size, colour));
-        }
+        let mut drawing = headed(
+            [LEFT + WIDTH + 24.0, height],
+            LEFT,
+            &self.title,
+            &self.facts,
+            format!("{}: {}", self.title, self.facts),
+        );
         let speeds = self.curves.iter().map(|modes| modes.speed);
         let x = Axis::around(speeds, 0.0);
         self.growth(&mut drawing, x);
@@ -94,11 +97,7 @@ impl<'a> EigenvalueFigure<'a> {
         };
         chart.ground(drawing, SPEED_TICKS, GROWTH_TICKS);
         let mut items = self.background(&chart);
-        for (mode, style) in [
-            (Mode::Caster, CASTER),
-            (Mode::Capsize, CAPSIZE),
-            (Mode::Weave, WEAVE),
-        ] {
+        for (mode, style) in MODES {
             for branch in 0..if mode == Mode::Weave { 2 } else { 1 } {
                 let values = self.curves.iter().map(|modes| {
                     let mut of_mode = modes.iter().filter(|(name, _)| *name == mode);
@@ -142,11 +141,7 @@ impl<'a> EigenvalueFigure<'a> {
         };
         chart.ground(drawing, SPEED_TICKS, FREQUENCY_TICKS);
         let mut items = self.background(&chart);
-        for (mode, style) in [
-            (Mode::Caster, CASTER),
-            (Mode::Capsize, CAPSIZE),
-            (Mode::Weave, WEAVE),
-        ] {
+        for (mode, style) in MODES {
             let values = self.curves.iter().map(|modes| {
                 let of_mode = modes.iter().filter(|(name, _)| *name == mode);
                 let frequency = of_mode.map(|(_, value)| value.im.abs()).fold(0.0, f64::max);
@@ -246,6 +241,7 @@ fn legend() -> Legend {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::golden::assert_is_as_kept;
     use crate::svg;
     use bikebot_dynamics::{Whipple, WhippleParams};
 
@@ -258,17 +254,9 @@ mod tests {
 
     #[test]
     fn the_benchmark_is_drawn_as_it_always_was() {
-        let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/eigenvalues.svg");
         let now = svg::write(&drawn(10.0, 41));
         assert_eq!(now, svg::write(&drawn(10.0, 41)), "the same bytes again");
-        if std::env::var_os("BLESS").is_some() {
-            std::fs::write(golden, &now).unwrap();
-        }
-        let wanted = std::fs::read_to_string(golden).unwrap();
-        assert!(
-            now == wanted,
-            "{golden} differs; BLESS=1 writes it anew: look at it first"
-        );
+        assert_is_as_kept(&now, "eigenvalues.svg");
     }
 
     #[test]

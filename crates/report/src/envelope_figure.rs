@@ -312,6 +312,7 @@ impl EnvelopeFigure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::golden::assert_is_as_kept;
     use crate::svg;
 
     fn cell(recovered: usize, failed: &[(&str, usize)]) -> Cell {
@@ -360,15 +361,7 @@ mod tests {
     #[test]
     fn a_small_map_is_drawn_byte_for_byte_as_it_was() {
         let now = svg::write(&small().draw().unwrap());
-        let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/envelope.svg");
-        if std::env::var_os("BLESS").is_some() {
-            std::fs::write(golden, &now).unwrap();
-        }
-        let wanted = std::fs::read_to_string(golden).unwrap();
-        assert!(
-            now == wanted,
-            "{golden} differs; BLESS=1 writes it anew: look at it first"
-        );
+        assert_is_as_kept(&now, "envelope.svg");
     }
 
     #[test]

@@ -16,6 +16,8 @@ pub mod drawing;
 mod eigenvalue_figure;
 mod envelope_figure;
 mod error;
+#[cfg(test)]
+mod golden;
 mod grid_outline;
 pub mod label;
 mod legend;
@@ -26,6 +28,7 @@ pub mod plan_file;
 pub mod png;
 mod ride_figure;
 mod scenery;
+mod sheet;
 pub mod svg;
 
 pub use eigenvalue_figure::EigenvalueFigure;

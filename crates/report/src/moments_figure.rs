@@ -5,12 +5,12 @@ use bikebot_sim::record::Trace;
 use bikebot_world::{Bounds, Footprint, Obstacle, OccupancyGrid};
 
 use crate::axis::{MapFrame, significant};
-use crate::drawing::{Area, Drawing, Item, Label, Outline, Style};
+use crate::drawing::{Area, Drawing, Item, Outline, Style};
 use crate::error::ReportError;
-use crate::label;
 use crate::legend::{Legend, Swatch};
 use crate::palette;
 use crate::scenery::{self, Ground};
+use crate::sheet::{headed, ticks};
 
 /// Width of the sheet, px.
 const WIDTH: f64 = 1200.0;
@@ -167,32 +167,24 @@ impl<'a> MomentsFigure<'a> {
         let legend = self.legend();
         let legend_columns = 4;
         let legend_top = TOP + rows as f64 * (height + HEADING + FOOT) + 4.0;
-        let mut drawing = Drawing::new(
-            WIDTH,
-            legend_top + legend.height(legend_columns) + 16.0,
+        let mut drawing = headed(
+            [WIDTH, legend_top + legend.height(legend_columns) + 16.0],
+            LEFT,
+            &self.title,
+            &self.facts,
             format!("{}: {}", self.title, self.facts),
         );
-        let sheet = Area::new(0.0, 0.0, drawing.width, drawing.height);
-        drawing.shape(Outline::rectangle(sheet), Style::fill(palette::PAPER));
-        for (text, y, size, colour) in [
-            (&self.title, 36.0, 21.0, palette::INK),
-            (&self.facts, 60.0, 13.0, palette::GREY),
-        ] {
-            let text = label::fitted(text, size, WIDTH - LEFT - 24.0);
-            drawing.label(Label::new(text, [LEFT, y], size, colour));
-        }
         for (index, moment) in self.ride.moments.iter().enumerate() {
             let frame = frame_of(index, height);
             let chart = frame.chart();
             drawing.shape(Outline::rectangle(frame.area), Style::fill(palette::PAPER));
             chart.data(&mut drawing, self.items(moment, &frame));
-            let ticks = |pixels: f64| ((pixels / 80.0) as usize).clamp(2, 12);
             let is_last_row = index / columns + 1 == rows;
             let name = if is_last_row { "x, m" } else { "" };
             chart.frame(
                 &mut drawing,
-                ticks(frame.area.width),
-                ticks(frame.area.height),
+                ticks(frame.area.width, 80.0, 12),
+                ticks(frame.area.height, 80.0, 12),
                 name,
             );
             let remark = match moment.plan {

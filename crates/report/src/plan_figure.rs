@@ -1,6 +1,10 @@
 //! The figures of a plan: the map with all that the search made, curvature along the path, and the search against time.
 
-use bikebot_geometry::{ArcLength, CurvePath, FergusonCurve, ParametricCurve, Point2};
+mod curvature_profile;
+#[cfg(test)]
+mod tests;
+
+use bikebot_geometry::{CurvePath, FergusonCurve, ParametricCurve, Point2};
 use bikebot_world::Footprint;
 
 use crate::axis::{Axis, Chart, MapFrame, duration, significant};
@@ -11,6 +15,8 @@ use crate::legend::{Legend, Swatch};
 use crate::palette::{self, Colour};
 use crate::plan_file::{PlanFile, TraceStep};
 use crate::scenery::{self, Ground};
+use crate::sheet::{headed, lay_paper, put_map, ticks};
+use curvature_profile::CurvatureProfile;
 
 /// Most edges of a tree that are drawn; of more, every second, third, … one.
 const MAX_EDGES: usize = 20_000;
@@ -129,7 +135,7 @@ impl<'a> PlanFigure<'a> {
                 .height(1)
                 .max(if strips.is_empty() { 0.0 } else { 216.0 });
             let mut drawing = self.begin(1200.0, top + below + 24.0);
-            self.put_map(&mut drawing, &frame, map);
+            put_map(&mut drawing, &frame, map);
             let strip_width = 390.0;
             let mut left = 62.0;
             for strip in &strips {
@@ -147,7 +153,7 @@ impl<'a> PlanFigure<'a> {
             let left = frame.area.right() + 76.0;
             let width = (1176.0 - left).max(300.0);
             let mut drawing = self.begin(left + width + 24.0, 0.0);
-            self.put_map(&mut drawing, &frame, map);
+            put_map(&mut drawing, &frame, map);
             let mut top = 118.0;
             for strip in &strips {
                 strip(self, &mut drawing, Area::new(left, top, width, 180.0));
@@ -158,7 +164,7 @@ impl<'a> PlanFigure<'a> {
             let room = Area::new(left, top, width, legend.height(columns));
             legend.draw(&mut drawing, room, columns);
             drawing.height = (frame.area.bottom() + 52.0).max(room.bottom() + 20.0);
-            finish(&mut drawing);
+            lay_paper(&mut drawing);
             drawing
         }
     }
@@ -171,7 +177,7 @@ impl<'a> PlanFigure<'a> {
         let columns = (((width - 86.0) / 230.0) as usize).clamp(1, 4);
         let top = frame.area.bottom() + 56.0;
         let mut drawing = self.begin(width, top + legend.height(columns) + 20.0);
-        self.put_map(&mut drawing, &frame, map);
+        put_map(&mut drawing, &frame, map);
         let room = Area::new(62.0, top, width - 86.0, legend.height(columns));
         legend.draw(&mut drawing, room, columns);
         drawing
@@ -183,7 +189,7 @@ impl<'a> PlanFigure<'a> {
         drawing
     }
 
-    /// The sheet with its heading. Its height may be set later, before [`finish`].
+    /// The sheet with its heading. Its height may be set later, before [`lay_paper`].
     fn begin(&self, width: f64, height: f64) -> Drawing {
         let plan = self.plan;
         let method = if plan.method.is_empty() {
@@ -224,37 +230,14 @@ impl<'a> PlanFigure<'a> {
         facts.push(format!("footprint {}", self.footprint));
         facts.extend(plan.time_s.map(duration));
         facts.extend(plan.seed.map(|seed| format!("seed {seed}")));
-        let mut drawing = Drawing::new(width, height, format!("{title}: {}", facts.join(", ")));
-        let room = width - 86.0;
-        drawing.label(Label::new(
-            label::fitted(&title, 21.0, room),
-            [62.0, 36.0],
-            21.0,
-            palette::INK,
-        ));
-        drawing.label(Label::new(
-            label::fitted(&facts.join("  ·  "), 13.0, room),
-            [62.0, 60.0],
-            13.0,
-            palette::GREY,
-        ));
-        finish(&mut drawing);
-        drawing
-    }
-
-    fn put_map(&self, drawing: &mut Drawing, frame: &MapFrame, items: Vec<Item>) {
-        let chart = frame.chart();
-        let ticks = |pixels: f64| ((pixels / 90.0) as usize).clamp(2, 12);
-        let (x_ticks, y_ticks) = (ticks(frame.area.width), ticks(frame.area.height));
-        drawing.shape(Outline::rectangle(frame.area), Style::fill(palette::FIELD));
-        chart.data(drawing, items);
-        chart.frame(drawing, x_ticks, y_ticks, "x, m");
-        drawing.label(Label::new(
-            "y, m",
-            [frame.area.left, frame.area.top - 8.0],
-            12.5,
-            palette::INK,
-        ));
+        let description = format!("{title}: {}", facts.join(", "));
+        headed(
+            [width, height],
+            62.0,
+            &title,
+            &facts.join("  ·  "),
+            description,
+        )
     }
 
     /// Everything on the map from the ground up, and what its colours mean.
@@ -438,7 +421,7 @@ impl<'a> PlanFigure<'a> {
             x: Axis::linear(0.0, path.length()),
             y: Axis::linear(-reach, reach),
         };
-        let x_ticks = ((area.width / 75.0) as usize).clamp(2, 10);
+        let x_ticks = ticks(area.width, 75.0, 10);
         chart.ground(drawing, x_ticks, 4);
         let line = |value: f64| chart.curve([[0.0, value], [path.length(), value]]);
         let limits = Style::line(palette::INK, 1.2).dashed(&[6.0, 4.0]);
@@ -480,7 +463,7 @@ impl<'a> PlanFigure<'a> {
             x: Axis::decades(trace.iter().map(|step| step.time_s).chain(self.plan.time_s)),
             y: Axis::around(trace.iter().map(|step| step.cost), 0.08),
         };
-        let x_ticks = ((area.width / 60.0) as usize).clamp(2, 10);
+        let x_ticks = ticks(area.width, 60.0, 10);
         chart.ground(drawing, x_ticks, 4);
         // The best so far, among what the method may return where the plan tells.
         let tells = trace.iter().any(|step| step.certified == Some(true));
@@ -547,23 +530,6 @@ impl<'a> PlanFigure<'a> {
 /// Draws a strip of the plan into an area.
 type Strip<'a> = fn(&PlanFigure<'a>, &mut Drawing, Area);
 
-/// Lays the paper under what was drawn, at the size the sheet has now.
-fn finish(drawing: &mut Drawing) {
-    let paper = Item::Shape(
-        Outline::rectangle(Area::new(0.0, 0.0, drawing.width, drawing.height)),
-        Style::fill(palette::PAPER),
-    );
-    let is_laid = matches!(
-        drawing.items.first(),
-        Some(Item::Shape(_, style)) if *style == Style::fill(palette::PAPER)
-    );
-    if is_laid {
-        drawing.items[0] = paper;
-    } else {
-        drawing.items.insert(0, paper);
-    }
-}
-
 fn stage_colour(stage: &str) -> Colour {
     match stage {
         "rrt" | "rrt_star" | "birrt" => palette::PURPLE,
@@ -623,188 +589,4 @@ fn by_curvature(segments: &[FergusonCurve], limit: f64, frame: &MapFrame) -> Vec
         }
     }
     outlines
-}
-
-/// Curvature along a path: enough points to see every bend, and the exact extreme.
-struct CurvatureProfile {
-    /// Arc length and curvature, growing in arc length; two points where it jumps.
-    points: Vec<[f64; 2]>,
-    /// Arc length and curvature of the largest |σ|.
-    most: (f64, f64),
-}
-
-impl CurvatureProfile {
-    fn of(path: &CurvePath) -> Self {
-        const ROUGH: usize = 16;
-        let mut points = Vec::new();
-        let mut most = (0.0, 0.0_f64);
-        for (index, segment) in path.segments().iter().enumerate() {
-            let table = ArcLength::new(segment);
-            let start = path.segment_start(index);
-            let share = table.length() / path.length();
-            let pieces = ((2400.0 * share).ceil() as usize).clamp(ROUGH, 2400);
-            for piece in 0..=pieces {
-                let t = piece as f64 / pieces as f64;
-                let s = start + table.arc_length_at(t);
-                let curvature = segment.curvature(t);
-                points.push([s, curvature]);
-            }
-            let (t, curvature) = largest(segment, pieces);
-            if curvature.abs() > most.1.abs() {
-                most = (start + table.arc_length_at(t), curvature);
-            }
-        }
-        Self { points, most }
-    }
-}
-
-/// Parameter and value of the largest |σ| of a curve: the best of `pieces`, then narrowed down.
-fn largest(curve: &FergusonCurve, pieces: usize) -> (f64, f64) {
-    let size = |t: f64| curve.curvature(t).abs();
-    let best = (0..=pieces)
-        .map(|piece| piece as f64 / pieces as f64)
-        .max_by(|a, b| size(*a).total_cmp(&size(*b)))
-        .unwrap_or(0.0);
-    let (mut low, mut high) = (
-        (best - 1.0 / pieces as f64).max(0.0),
-        (best + 1.0 / pieces as f64).min(1.0),
-    );
-    for _ in 0..60 {
-        let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
-        if size(a) < size(b) {
-            low = a;
-        } else {
-            high = b;
-        }
-    }
-    let middle = (low + high) / 2.0;
-    let t = if size(middle) > size(best) {
-        middle
-    } else {
-        best
-    };
-    (t, curve.curvature(t))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{png, svg};
-    use bikebot_world::Obstacle;
-
-    /// A straight leg, then a quarter turn, past a disc and a block.
-    const TINY: &str = r#"{"outcome": "found", "reason": "found", "method": "paper", "seed": 7, "time_s": 0.02,
-        "length_m": 9.7, "max_curvature_per_m": 0.33, "min_clearance_m": 0.5, "unknown_key": 1,
-        "trace": [{"time_s": 0.001, "stage": "birrt", "length_m": 12.0, "cost": 12.0},
-                  {"time_s": 0.02, "stage": "corridor", "length_m": 9.7, "cost": 9.8}],
-        "segments": [[1, 1, 5, 0, 6, 1, 5, 0], [6, 1, 4.97, 0, 9, 4, 0, 4.97]],
-        "problem": {"map": "yard.json", "bounds_m": [0, 0, 10, 8], "grid": false,
-            "shapes": {"discs": [[3, 4, 1]], "blocks": [[6, 3, 7, 8]], "polygons": [[[0, 6], [2, 6], [0, 8]]]},
-            "footprint": "capsule:1.8x0.6", "max_curvature_per_m": 0.5, "tolerance_m": 0.4,
-            "start": {"x_m": 1, "y_m": 1, "heading_rad": 0}, "goal": {"x_m": 9, "y_m": 4}},
-        "stages": {"tree": [[[1, 1], [2, 2]]], "corridor_tree": [[1, 1, 5, 0, 6, 1, 5, 0]],
-            "coarse": [[1, 1], [5, 2], [9, 4]], "guide": [[1, 1], [9, 4]], "corridor_half_width_m": 0.7}}"#;
-
-    fn drawings(text: &str, colour_by_curvature: bool) -> Vec<Drawing> {
-        let plan = PlanFile::parse(text).unwrap();
-        let obstacles: Vec<Obstacle> = plan.obstacles().unwrap();
-        let ground = Ground {
-            bounds: plan.bounds(),
-            obstacles: &obstacles,
-            grid: None,
-        };
-        let style = PlanStyle {
-            colour_by_curvature,
-        };
-        let figure = PlanFigure::new(&plan, ground, "yard", style).unwrap();
-        let views = [PlanView::Sheet].into_iter().chain(figure.views());
-        views.map(|view| figure.draw(view)).collect()
-    }
-
-    #[test]
-    fn a_tiny_scene_is_drawn_as_it_always_was() {
-        let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/tiny.svg");
-        let now = svg::write(&drawings(TINY, false)[0]);
-        assert_eq!(
-            now,
-            svg::write(&drawings(TINY, false)[0]),
-            "the same bytes again"
-        );
-        if std::env::var_os("BLESS").is_some() {
-            std::fs::write(golden, &now).unwrap();
-        }
-        let wanted = std::fs::read_to_string(golden).unwrap();
-        assert!(
-            now == wanted,
-            "{golden} differs; BLESS=1 writes it anew: look at it first"
-        );
-    }
-
-    #[test]
-    fn everything_lies_on_the_sheet() {
-        let wide = TINY.replace("[0, 0, 10, 8]", "[-20, 0, 30, 8]");
-        let tall = TINY.replace("[0, 0, 10, 8]", "[0, -30, 10, 30]");
-        let failed = TINY.replace(
-            "[[1, 1, 5, 0, 6, 1, 5, 0], [6, 1, 4.97, 0, 9, 4, 0, 4.97]]",
-            "[]",
-        );
-        let crowded = TINY.replace("\"paper\"", "\"a method with a name that nobody would ever think of, and longer still, and longer, and longer\"");
-        for text in [TINY, &wide, &tall, &failed, &crowded] {
-            for drawing in drawings(text, true) {
-                let area = drawing.extent().unwrap();
-                assert!(
-                    area.left >= 0.0 && area.top >= 0.0,
-                    "{area:?}: {}",
-                    drawing.title
-                );
-                assert!(
-                    area.right() <= drawing.width && area.bottom() <= drawing.height,
-                    "{area:?} on {} × {}: {}",
-                    drawing.width,
-                    drawing.height,
-                    drawing.title
-                );
-                let svg = svg::write(&drawing);
-                assert!(!svg.contains("NaN") && !svg.contains("inf"));
-            }
-        }
-    }
-
-    #[test]
-    fn each_view_shows_what_there_is() {
-        assert_eq!(drawings(TINY, false).len(), 4);
-        // Without a limit on curvature, or without a trace, there is no strip to show.
-        let straight = TINY
-            .replace("\"max_curvature_per_m\": 0.33,", "")
-            .replace("\"trace\"", "\"other\"");
-        assert_eq!(drawings(&straight, false).len(), 2);
-    }
-
-    #[test]
-    fn a_picture_has_its_size_and_is_not_blank() {
-        let drawing = &drawings(TINY, false)[0];
-        let bytes = png::write(drawing, 0.5).unwrap();
-        let mut reader = ::png::Decoder::new(std::io::Cursor::new(bytes))
-            .read_info()
-            .unwrap();
-        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut pixels).unwrap();
-        assert_eq!(f64::from(info.width), (drawing.width / 2.0).ceil());
-        let dark = pixels.chunks(4).filter(|p| p[0] < 128).count();
-        assert!(dark > 1000, "{dark} dark pixels");
-        for zoom in [1e-6, 1e3, f64::NAN] {
-            assert!(matches!(
-                png::write(drawing, zoom),
-                Err(ReportError::TooLarge { .. })
-            ));
-        }
-    }
-
-    #[test]
-    fn the_largest_curvature_is_the_exact_one() {
-        let path = CurvePath::new(PlanFile::parse(TINY).unwrap().segments()).unwrap();
-        let most = CurvatureProfile::of(&path).most.1.abs();
-        // Narrowed down by thirds to the rounding of the curvature itself.
-        assert!((most - path.max_curvature()).abs() < 1e-9, "{most}");
-    }
 }

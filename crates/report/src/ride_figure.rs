@@ -5,12 +5,12 @@ use bikebot_sim::record::Trace;
 use bikebot_world::{Bounds, Footprint};
 
 use crate::axis::{Axis, Chart, MapFrame, significant};
-use crate::drawing::{Area, Drawing, Item, Label, Outline, Style};
+use crate::drawing::{Area, Drawing, Item, Outline, Style};
 use crate::error::ReportError;
-use crate::label;
 use crate::legend::{Legend, Swatch};
 use crate::palette::{self, Colour};
 use crate::scenery::{self, Ground};
+use crate::sheet::{headed, put_map, ticks};
 
 /// Most outlines of the robot on one map.
 const MAX_OUTLINES: f64 = 60.0;
@@ -195,33 +195,14 @@ impl<'a> RideFigure<'a> {
         let legend_top = 118.0 + strips.len() as f64 * pitch - 34.0;
         let columns = if width > 280.0 { 2 } else { 1 };
         let bottom = (frame.area.bottom() + 52.0).max(legend_top + legend.height(columns) + 20.0);
-        let mut drawing = Drawing::new(
-            left + width + 24.0,
-            bottom,
+        let mut drawing = headed(
+            [left + width + 24.0, bottom],
+            62.0,
+            &self.title,
+            &self.facts,
             format!("{}: {}", self.title, self.facts),
         );
-        let sheet = Area::new(0.0, 0.0, drawing.width, drawing.height);
-        drawing.shape(Outline::rectangle(sheet), Style::fill(palette::PAPER));
-        let room = drawing.width - 86.0;
-        for (text, y, size, colour) in [
-            (&self.title, 36.0, 21.0, palette::INK),
-            (&self.facts, 60.0, 13.0, palette::GREY),
-        ] {
-            let text = label::fitted(text, size, room);
-            drawing.label(Label::new(text, [62.0, y], size, colour));
-        }
-        let chart = frame.chart();
-        let ticks = |pixels: f64| ((pixels / 90.0) as usize).clamp(2, 12);
-        drawing.shape(Outline::rectangle(frame.area), Style::fill(palette::FIELD));
-        chart.data(&mut drawing, items);
-        chart.frame(
-            &mut drawing,
-            ticks(frame.area.width),
-            ticks(frame.area.height),
-            "x, m",
-        );
-        let name_at = [frame.area.left, frame.area.top - 8.0];
-        drawing.label(Label::new("y, m", name_at, 12.5, palette::INK));
+        put_map(&mut drawing, &frame, items);
         for (index, strip) in strips.iter().enumerate() {
             let area = Area::new(left, 118.0 + index as f64 * pitch, width, height);
             self.strip(&mut drawing, area, strip);
@@ -242,7 +223,7 @@ impl<'a> RideFigure<'a> {
             x: Axis::linear(0.0, end),
             y: Axis::around(values.copied().chain([0.0]), 0.08),
         };
-        let x_ticks = ((area.width / 60.0) as usize).clamp(2, 10);
+        let x_ticks = ticks(area.width, 60.0, 10);
         chart.ground(drawing, x_ticks, 4);
         let line = |series: &Series, style| Item::Shape(chart.curve(series.pairs()), style);
         let zero = chart.curve([[0.0, 0.0], [end, 0.0]]);
