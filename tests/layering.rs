@@ -110,6 +110,7 @@ const ALLOWED: [(&str, &[&str]); 10] = [
             "resvg",
             "serde",
             "serde_json",
+            "serde_path_to_error",
             "thiserror",
         ],
     ),

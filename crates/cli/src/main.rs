@@ -11,6 +11,7 @@ mod interrupt;
 mod output;
 mod picture;
 mod plan_json;
+mod plan_text;
 mod recording;
 mod render;
 mod stopwatch;

@@ -177,12 +177,18 @@ pub fn make_folder(folder: &Path) -> Result<(), Failure> {
     // A slash at the end would hide a file that bears the folder's name.
     let folder: PathBuf = folder.components().collect();
     // A file may bear that name, or that of a folder above.
-    if let Some(file) = folder.ancestors().find(|path| path.is_file()) {
+    let is_other = |path: &&Path| path.exists() && !path.is_dir();
+    if let Some(other) = folder.ancestors().find(is_other) {
         return Err(Failure::io(
             Diagnostic::error(format!(
-                "cannot make the folder {}: {} is a file",
+                "cannot make the folder {}: {} is {}",
                 folder.display(),
-                file.display()
+                other.display(),
+                if other.is_file() {
+                    "a file"
+                } else {
+                    "no folder"
+                }
             ))
             .help("choose another folder"),
         ));
@@ -192,6 +198,14 @@ pub fn make_folder(folder: &Path) -> Result<(), Failure> {
         return Ok(());
     }
     fs::create_dir_all(&folder).map_err(|error| Failure::file("make the folder", &folder, &error))
+}
+
+/// Whether two names are of one file that is there.
+pub fn is_same_file(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
 }
 
 /// A file that cannot be made: mostly its folder is to blame.

@@ -189,6 +189,40 @@ impl Shapes {
     }
 }
 
+/// Reads a plan file as far as `T` asks for, and tells of what does not fit by line and key.
+///
+/// # Errors
+///
+/// [`ReportError::NotJson`], [`ReportError::NotAPlan`].
+pub fn read_json<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, ReportError> {
+    let mut json = serde_json::Deserializer::from_str(text);
+    let value = serde_path_to_error::deserialize(&mut json)
+        .map_err(|error| refused(&error.path().to_string(), error.inner()))?;
+    json.end().map_err(|error| refused(".", &error))?;
+    Ok(value)
+}
+
+/// What serde has to say, with the key and the line, for those who write JSON and not Rust.
+fn refused(key: &str, error: &serde_json::Error) -> ReportError {
+    let line = error.line().max(1);
+    let told = error.to_string();
+    let what = told
+        .rsplit_once(" at line ")
+        .map_or(&*told, |(what, _)| what);
+    if !error.is_data() {
+        let what = what.to_owned();
+        return ReportError::NotJson { what, line };
+    }
+    let what = what.replace("expected f64", "expected a number");
+    ReportError::NotAPlan {
+        what: match key {
+            "." => what,
+            key => format!("`{key}`: {what}"),
+        },
+        line: Some(line),
+    }
+}
+
 impl PlanFile {
     /// Reads a plan.
     ///
@@ -197,22 +231,7 @@ impl PlanFile {
     /// [`ReportError::NotJson`], [`ReportError::NotAPlan`], [`ReportError::NoSegments`]; [`ReportError::Number`],
     /// [`ReportError::Footprint`] and [`ReportError::TooMany`] for what no plan can have.
     pub fn parse(text: &str) -> Result<Self, ReportError> {
-        let plan: Self = serde_json::from_str(text).map_err(|error| {
-            let line = error.line().max(1);
-            let told = error.to_string();
-            let what = match told.rsplit_once(" at line ") {
-                Some((what, _)) => what.to_owned(),
-                None => told,
-            };
-            if error.is_data() {
-                ReportError::NotAPlan {
-                    what,
-                    line: Some(line),
-                }
-            } else {
-                ReportError::NotJson { what, line }
-            }
-        })?;
+        let plan: Self = read_json(text)?;
         plan.check()?;
         Ok(plan)
     }

@@ -7,8 +7,9 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::args::Force;
-use crate::exit::{Ending, Exit};
-use crate::output::Output;
+use crate::diag::Diagnostic;
+use crate::exit::{Ending, Exit, Failure};
+use crate::output::{Output, is_same_file};
 use crate::recording;
 use crate::render::{self, Sheet};
 use crate::terminal::Terminal;
@@ -160,6 +161,19 @@ pub fn recover(args: &RecoverArgs, terminal: &Terminal) -> Ending {
     let mut source = recording::open(&args.file)?;
     // Asked first, so that a file that is no recording leaves nothing behind.
     log::inspect(&mut source).map_err(|error| recording::tell(&args.file, &error))?;
+    if let Some(path) = args
+        .output
+        .as_ref()
+        .filter(|path| is_same_file(path, &args.file))
+    {
+        return Err(Failure::usage(
+            Diagnostic::error(format!(
+                "cannot write {}: it is the recording to be saved",
+                path.display()
+            ))
+            .help("choose another name: what cannot be read would be gone"),
+        ));
+    }
     let output = match &args.output {
         // The usual source is `NAME.part` and the usual target `NAME`.
         Some(path) => Output::create_as(path, ".saving", args.force.force)?,

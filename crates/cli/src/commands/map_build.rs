@@ -16,7 +16,7 @@ use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input;
 use crate::interrupt;
-use crate::output::Output;
+use crate::output::{Output, is_same_file};
 use crate::render::{self, Sheet, significant};
 use crate::terminal::Terminal;
 
@@ -172,14 +172,6 @@ fn image_name(map: &Path) -> Result<String, Failure> {
             map.display().to_string()
         )))
     })
-}
-
-/// Whether two names are of one file that is there.
-fn is_same_file(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    }
 }
 
 fn tell(error: &LogError) -> Diagnostic {

@@ -18,12 +18,10 @@ use crate::exit::{Ending, Exit, Failure};
 use crate::input::{self, Kind, Loaded};
 use crate::output::{Output, make_folder};
 use crate::picture;
+use crate::plan_text::{self, tell};
 use crate::recording;
 use crate::render::{self, Sheet, significant};
 use crate::terminal::Terminal;
-
-/// Largest plan file that is read, bytes.
-const MAX_PLAN_BYTES: u64 = 1 << 30;
 
 /// Moments of a ride on one picture.
 const MOST_MOMENTS: usize = 24;
@@ -158,14 +156,11 @@ fn plan(args: &PlotArgs, terminal: &Terminal) -> Result<Vec<(&'static str, Drawi
             "--at is for rides: a plan has no times",
         )));
     }
-    let bytes = input::read(&args.input, MAX_PLAN_BYTES)?;
-    let text = String::from_utf8(bytes).map_err(|_| {
-        Failure::usage(
-            Diagnostic::error(format!("{place} is neither a plan nor a recording"))
-                .note("a byte of it is not UTF-8")
-                .help("it takes a plan.json as written by `bikebot plan -o`, or a recording .mcap"),
-        )
-    })?;
+    let text = plan_text::read(
+        &args.input,
+        "neither a plan nor a recording",
+        ", or a recording .mcap",
+    )?;
     let plan = PlanFile::parse(&text).map_err(|error| tell(&error, &place, &text))?;
     let own = plan.obstacles();
     let world = match (&args.map, &own) {
@@ -278,28 +273,6 @@ fn bare_map(path: &Path) -> Result<World, Failure> {
         ))
     })?;
     Ok(loaded.world)
-}
-
-/// What is wrong with a plan file.
-fn tell(error: &ReportError, place: &str, text: &str) -> Failure {
-    let line = match error {
-        ReportError::NotJson { line, .. } => Some(*line),
-        ReportError::NotAPlan { line, .. } => *line,
-        _ => None,
-    };
-    let diagnostic = Diagnostic::error(error.to_string());
-    // A line of a plan may be the whole plan: shown only where it is short.
-    let shown = line.and_then(|line| text.lines().nth(line - 1));
-    let diagnostic = match (line, shown) {
-        (Some(line), Some(content)) if content.len() < 120 => {
-            match input::span_of_line(text, line) {
-                Some(span) => diagnostic.at_span(place, text, span),
-                None => diagnostic.at_line(place, Some(line)),
-            }
-        }
-        _ => diagnostic.at_line(place, line),
-    };
-    Failure::usage(diagnostic.help("it takes a plan as written by `bikebot plan -o plan.json`"))
 }
 
 fn ride(args: &PlotArgs, terminal: &Terminal) -> Result<Drawing, Failure> {

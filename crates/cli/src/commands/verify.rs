@@ -6,6 +6,8 @@ use bikebot_geometry::{FergusonCurve, Point2};
 use bikebot_planner::{
     EndPose, Method, PathKind, PlanningProblem, Promises, Terms, Verdict, ViolationKind, verify,
 };
+use bikebot_report::ReportError;
+use bikebot_report::plan_file::read_json;
 use bikebot_sim::Override;
 use clap::Args;
 use serde::{Deserialize, Serialize};
@@ -15,8 +17,9 @@ use super::plan::problem_flags;
 use crate::args::{Changes, EndArg, positive};
 use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
-use crate::input::{Given, Kind, Loaded, read_map};
+use crate::input::{Given, Kind, Loaded};
 use crate::plan_json::map_hash;
+use crate::plan_text;
 use crate::render::{Sheet, significant};
 use crate::terminal::Terminal;
 
@@ -118,25 +121,23 @@ struct Mismatch {
 }
 
 fn read_plan(path: &Path) -> Result<PlanRead, Failure> {
-    let bytes = read_map(path)?;
-    let refuse = |message: String| {
-        Failure::usage(
-            Diagnostic::error(format!("{}: {message}", path.display()))
-                .help("it takes a plan written by `bikebot plan … -o plan.json`"),
-        )
-    };
-    let json: Value = serde_json::from_slice(&bytes).map_err(|error| refuse(error.to_string()))?;
-    if !json.is_object() {
-        return Err(refuse("it holds no plan".to_owned()));
-    }
+    let place = path.display().to_string();
+    let text = plan_text::read(path, "no plan", "")?;
+    let refused = |error: ReportError| plan_text::tell(&error, &place, &text);
+    let json: Value = read_json(&text).map_err(refused)?;
+    // How it ended comes first: a plan without a path has little else to tell.
     if let Some(outcome) = json.get("outcome").and_then(Value::as_str)
         && outcome != "found"
     {
-        return Err(refuse(format!(
-            "there is no path in it: its outcome is {outcome}"
-        )));
+        return Err(Failure::usage(
+            Diagnostic::error(format!(
+                "there is no path in the plan: its outcome is {outcome}"
+            ))
+            .at_line(&place, None)
+            .help("it takes a plan whose outcome is found"),
+        ));
     }
-    serde_json::from_value(json).map_err(|error| refuse(error.to_string()))
+    read_json(&text).map_err(refused)
 }
 
 /// Checks, and tells.
@@ -144,11 +145,12 @@ pub fn run(args: &VerifyArgs, terminal: &Terminal) -> Ending {
     let plan = read_plan(&args.plan)?;
     let method: Method =
         serde_json::from_value(Value::from(plan.method.as_str())).map_err(|_| {
-            Failure::usage(Diagnostic::error(format!(
-                "{}: there is no method \"{}\"",
-                args.plan.display(),
-                plan.method
-            )))
+            let known = Method::ALL.map(Method::name).join(", ");
+            Failure::usage(
+                Diagnostic::error(format!("`method`: there is no method \"{}\"", plan.method))
+                    .at_line(&args.plan.display().to_string(), None)
+                    .help(format!("known are {known}")),
+            )
         })?;
     let given = problem_flags(
         args.start,
