@@ -67,15 +67,7 @@ pub fn search(
         }
         active = 1 - active;
         // Where a way is known already there is nothing to doubt.
-        if query.shorter_than.is_infinite()
-            && doubt.proves_separation(
-                result.samples,
-                query.checker,
-                query.start,
-                query.goal,
-                meter,
-            )
-        {
+        if query.shorter_than.is_infinite() && doubt.settles(query, result.samples, meter) {
             result.disconnected = true;
             break;
         }

@@ -62,6 +62,16 @@ impl Doubt {
         }
     }
 
+    /// To be called with the number of samples drawn in vain for `query`. `true` is a proof: there is no path.
+    pub(crate) fn settles(
+        &mut self,
+        query: &PointQuery<'_, '_>,
+        samples: u64,
+        meter: &mut Meter<'_>,
+    ) -> bool {
+        self.proves_separation(samples, query.checker, query.start, query.goal, meter)
+    }
+
     /// To be called with the number of samples drawn in vain. `true` is a proof: nothing connects the two.
     pub(crate) fn proves_separation(
         &mut self,

@@ -1,6 +1,7 @@
 //! A search tree of positions with its kd-tree: what RRT, RRT* and BiRRT grow.
 
 use crate::kd_tree::{KdTree, Neighbor};
+use crate::search::PointQuery;
 use crate::tree::{NodeId, Tree};
 use bikebot_geometry::Point2;
 
@@ -51,6 +52,22 @@ impl PointTree {
             .into_iter()
             .map(|n| self.position(n))
             .collect()
+    }
+
+    /// The path by `node`, if it may end there or one more edge leads to the goal.
+    pub(crate) fn arrival(
+        &mut self,
+        node: NodeId,
+        query: &PointQuery<'_, '_>,
+    ) -> Option<Vec<Point2>> {
+        let position = self.position(node);
+        if query.is_arrival(position) {
+            return Some(self.path_to(node));
+        }
+        query.reaches_goal(position).then(|| {
+            let goal = self.add(node, query.goal);
+            self.path_to(goal)
+        })
     }
 
     /// Every edge, parent first, in the order the children were added.

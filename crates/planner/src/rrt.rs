@@ -30,23 +30,12 @@ pub fn search(
         let new = steer(from, sample, query.max_step);
         if query.checker.is_segment_free(from, new) {
             let node = tree.add(nearest, new);
-            if query.is_arrival(new) {
-                result.path = Some(tree.path_to(node));
-                break;
-            }
-            if query.reaches_goal(new) {
-                let node = tree.add(node, query.goal);
-                result.path = Some(tree.path_to(node));
+            result.path = tree.arrival(node, query);
+            if result.path.is_some() {
                 break;
             }
         }
-        if doubt.proves_separation(
-            result.samples,
-            query.checker,
-            query.start,
-            query.goal,
-            meter,
-        ) {
+        if doubt.settles(query, result.samples, meter) {
             result.disconnected = true;
             break;
         }
