@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Crate, and the crates of ours and the third-party room-mates it may name.
-const ALLOWED: [(&str, &[&str]); 10] = [
+const ALLOWED: [(&str, &[&str]); 11] = [
     ("geometry", &["nalgebra", "thiserror"]),
     ("qp", &["nalgebra", "thiserror"]),
     (
@@ -138,6 +138,22 @@ const ALLOWED: [(&str, &[&str]); 10] = [
             "tracing-subscriber",
         ],
     ),
+    (
+        "py",
+        &[
+            "bikebot-report",
+            "bikebot-geometry",
+            "bikebot-world",
+            "bikebot-planner",
+            "bikebot-dynamics",
+            "bikebot-sim",
+            "numpy",
+            "pyo3",
+            "serde",
+            "serde_json",
+            "toml",
+        ],
+    ),
 ];
 
 /// Names in the `[dependencies]` section of a crate's manifest.
@@ -171,6 +187,18 @@ fn each_room_uses_only_what_the_drawing_allows() {
                 "crate {name} may not use {dependency}"
             );
         }
+    }
+}
+
+#[test]
+fn the_python_module_is_built_only_when_asked_for() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(root.join("Cargo.toml")).expect("the root manifest");
+    let section = text.split("default-members").nth(1).unwrap_or_default();
+    let section = section.split(']').next().unwrap_or_default();
+    assert!(section.contains("crates/cli") && !section.contains("crates/py"));
+    for (name, _) in ALLOWED {
+        assert!(!dependencies(name).contains("bikebot-py"), "{name}");
     }
 }
 

@@ -10,7 +10,6 @@ mod input;
 mod interrupt;
 mod output;
 mod picture;
-mod plan_json;
 mod plan_text;
 mod recording;
 mod render;

@@ -27,6 +27,7 @@ pub mod metrics;
 pub mod motion;
 pub mod params;
 pub mod pipeline;
+pub mod planner;
 mod point_tree;
 pub mod problem;
 pub mod refine;
@@ -58,6 +59,7 @@ pub use params::{
     CostRule, Errata, GoalMode, GridParams, Method, MpcParams, PlannerParams, TangentRule,
 };
 pub use pipeline::{plan, plan_observed};
+pub use planner::{Better, Planner};
 pub use problem::{EndPose, GoalRegion, PlanningProblem};
 pub use replan::{Blockage, Decision, Previous, Replan, ReplanParams, Validity, replan};
 pub use report::{Outcome, PlanReport, PlannedPath, Reason, Stage, Stages, TraceEntry};

@@ -19,6 +19,7 @@ mod error;
 #[cfg(test)]
 mod golden;
 mod grid_outline;
+mod ground_figure;
 pub mod label;
 mod legend;
 mod moments_figure;
@@ -34,6 +35,7 @@ pub mod svg;
 pub use eigenvalue_figure::EigenvalueFigure;
 pub use envelope_figure::{Cell, Dimension, EnvelopeFigure, Panel, name_of_key as envelope_name};
 pub use error::ReportError;
+pub use ground_figure::ground_figure;
 pub use moments_figure::{Moments, MomentsFigure};
 pub use plan_figure::{PlanFigure, PlanStyle, PlanView};
 pub use plan_file::PlanFile;

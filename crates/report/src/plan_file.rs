@@ -1,8 +1,9 @@
 //! Plans as `bikebot plan -o plan.json` writes them, read for drawing. Keys that pictures do not need are passed over.
 
 use bikebot_geometry::{FergusonCurve, Point2};
-use bikebot_world::{Bounds, Footprint, Obstacle, World};
-use serde::{Deserialize, Serialize};
+use bikebot_sim::plan_file::Shapes;
+use bikebot_world::{Bounds, Footprint, Obstacle};
+use serde::Deserialize;
 
 use crate::error::ReportError;
 
@@ -136,57 +137,6 @@ pub struct Stages {
     pub corridor_guide: Vec<[f64; 2]>,
     /// Half width of the corridor, m.
     pub corridor_half_width_m: Option<f64>,
-}
-
-/// Obstacles as they stand in a plan file.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Shapes {
-    /// Centre and radius: `x y r`, m.
-    pub discs: Vec<[f64; 3]>,
-    /// Corners, m.
-    pub polygons: Vec<Vec<[f64; 2]>>,
-    /// Lower left and upper right corner: `x0 y0 x1 y1`, m.
-    pub blocks: Vec<[f64; 4]>,
-}
-
-impl Shapes {
-    /// The obstacles of `world` that are not cells of a grid.
-    #[must_use]
-    pub fn of(world: &World) -> Self {
-        let mut shapes = Self::default();
-        for obstacle in world.obstacles() {
-            match obstacle {
-                Obstacle::Disc { center, radius } => {
-                    shapes.discs.push([center.x, center.y, *radius]);
-                }
-                Obstacle::Polygon { vertices } => shapes
-                    .polygons
-                    .push(vertices.iter().map(|p| [p.x, p.y]).collect()),
-                Obstacle::Block { min, max } => {
-                    shapes.blocks.push([min.x, min.y, max.x, max.y]);
-                }
-            }
-        }
-        shapes
-    }
-
-    /// The obstacles.
-    #[must_use]
-    pub fn obstacles(&self) -> Vec<Obstacle> {
-        let discs = self.discs.iter().map(|&[x, y, radius]| Obstacle::Disc {
-            center: Point2::new(x, y),
-            radius,
-        });
-        let polygons = self.polygons.iter().map(|vertices| Obstacle::Polygon {
-            vertices: vertices.iter().map(|&[x, y]| Point2::new(x, y)).collect(),
-        });
-        let blocks = self.blocks.iter().map(|&[x0, y0, x1, y1]| Obstacle::Block {
-            min: Point2::new(x0, y0),
-            max: Point2::new(x1, y1),
-        });
-        discs.chain(polygons).chain(blocks).collect()
-    }
 }
 
 /// Reads a plan file as far as `T` asks for, and tells of what does not fit by line and key.

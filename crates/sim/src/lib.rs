@@ -21,6 +21,7 @@ pub mod outcome;
 pub mod path_file;
 mod picture;
 mod pilot;
+pub mod plan_file;
 pub mod record;
 pub mod refit;
 mod ride_metrics;

@@ -208,7 +208,7 @@ pub fn run(args: &EigenvaluesArgs, terminal: &Terminal) -> Ending {
     }
     let speeds = match &args.speeds {
         Some(speeds) => speeds.0.clone(),
-        None => usual_speeds(&critical),
+        None => critical.usual_speeds(),
     };
     let table = whipple.modes(&speeds).map_err(refused)?;
 
@@ -343,16 +343,6 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
                     .help("end its name in .csv for the table, in .svg or .png for the picture"),
             )
         })
-}
-
-/// Half metres a second up to 10 m/s, or up to a fifth past the highest critical speed.
-fn usual_speeds(critical: &CriticalSpeeds) -> Vec<f64> {
-    let highest = [critical.weave, critical.capsize]
-        .into_iter()
-        .flatten()
-        .fold(0.0, f64::max);
-    let top = (1.2 * highest).clamp(10.0, 50.0).ceil();
-    evenly(0.0, top, 2 * top as usize + 1)
 }
 
 fn contents(
@@ -510,19 +500,5 @@ mod tests {
         ] {
             assert!(speeds(bad).is_err(), "{bad}");
         }
-    }
-
-    #[test]
-    fn the_usual_speeds_reach_past_the_critical_ones() {
-        let speeds = |capsize| {
-            let mut critical = Whipple::new(&WhippleParams::benchmark())
-                .unwrap()
-                .critical_speeds();
-            critical.capsize = capsize;
-            usual_speeds(&critical)
-        };
-        assert_eq!(speeds(None).len(), 21);
-        let far = speeds(Some(12.0));
-        assert_eq!((far.len(), far[1], *far.last().unwrap()), (31, 0.5, 15.0));
     }
 }

@@ -7,6 +7,7 @@ use bikebot_planner::{
     Budget, CutShort, Enough, Method, Outcome, PlanError, PlanReport, PlanningProblem, Reason,
     plan_observed,
 };
+use bikebot_sim::plan_file::{PlanFile, PlanJson, Times};
 use bikebot_sim::{Override, Setup};
 use clap::Args;
 
@@ -15,7 +16,6 @@ use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::{Given, Kind, Loaded};
 use crate::output::Output;
-use crate::plan_json::{PlanFile, PlanJson, Times};
 use crate::render::{self, Sheet, significant};
 use crate::stopwatch::Stopwatch;
 use crate::terminal::Terminal;
@@ -291,7 +291,7 @@ impl Question<'_> {
         terminal: &Terminal,
     ) -> Ending {
         if self.args.json {
-            terminal.print_json(&PlanJson::invalid(error, self.setup, seed))?;
+            terminal.print_json(&PlanJson::invalid(error, self.setup.planner.method, seed))?;
         }
         Err(Failure::usage(loaded.tell_plan(error)))
     }

@@ -1,16 +1,11 @@
 //! `bikebot run`: plan, ride, record.
 
-use std::collections::BTreeMap;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use bikebot_sim::clock::SimTime;
-use bikebot_sim::outcome::WALL_CLOCK_METRICS;
-use bikebot_sim::record::{
-    Event, McapRecorder, RecordError, RecordOptions, Recorder, ResultInfo, RunInfo, SourceFile,
-    log, sha256_hex,
-};
+use bikebot_sim::record::{Event, McapRecorder, RecordError, Recorder, ResultInfo, RunInfo, log};
 use bikebot_sim::setup::PathSource;
 use bikebot_sim::{
     Error, ExpectCheck, Metrics, Progress, RunControl, RunOutcome, RunReport, Setup,
@@ -99,10 +94,10 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
             "mcap",
         )?,
     };
-    let info = run_info(&loaded, &setup);
+    let info = RunInfo::of(&setup, &loaded.changes());
     let run_id = info.more.get("run_id").cloned().unwrap_or_default();
     let stream = BufWriter::new(output.handle()?);
-    let recorder = McapRecorder::begin(stream, &info, &RecordOptions::default())
+    let recorder = McapRecorder::begin(stream, &info, &setup.record)
         .map_err(|error| unwritten(&output, &error))?;
     let mut recorder = Lenient {
         inner: recorder,
@@ -120,7 +115,7 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
     let Lenient { mut inner, failure } = recorder;
     let recorded = match failure {
         Some(failure) => Err(failure),
-        None => inner.finish(&result_info(&report)),
+        None => inner.finish(&ResultInfo::of(&report)),
     };
     let size = inner.bytes_written();
     drop(inner);
@@ -137,7 +132,7 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
             scenario: &setup.name,
             seed: setup.seed,
             plant: setup.plant.name(),
-            mode: mode(&setup),
+            mode: setup.mode_name().to_owned(),
             log: log.map(render::path),
             result_hash: &report.result_hash,
             run_id: &run_id,
@@ -245,74 +240,6 @@ fn file_stem(name: &str) -> String {
     plain.trim_start_matches('.').to_owned()
 }
 
-fn mode(setup: &Setup) -> String {
-    format!("{:?}", setup.mode).to_lowercase()
-}
-
-/// What the recording says of the run before it starts.
-fn run_info(loaded: &Loaded, setup: &Setup) -> RunInfo {
-    let files: Vec<SourceFile> = setup
-        .files
-        .iter()
-        .map(|(name, data)| SourceFile {
-            name: name.clone(),
-            data: data.clone(),
-        })
-        .collect();
-    // The same question has the same name, wherever and whenever it is asked.
-    let mut identity = format!(
-        "{}\n{}\n{}\n",
-        env!("CARGO_PKG_VERSION"),
-        setup.seed,
-        sha256_hex(setup.scenario_text.as_bytes())
-    );
-    for file in &files {
-        identity.push_str(&format!("{} {}\n", file.name, sha256_hex(&file.data)));
-    }
-    let mut run_id = sha256_hex(identity.as_bytes());
-    run_id.truncate(16);
-    RunInfo {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        scenario: setup.name.clone(),
-        scenario_text: setup.scenario_text.clone(),
-        seed: setup.seed,
-        overrides: loaded.changes().iter().map(ToString::to_string).collect(),
-        files,
-        more: BTreeMap::from([
-            ("plant".to_owned(), setup.plant.name().to_owned()),
-            ("mode".to_owned(), mode(setup)),
-            ("run_id".to_owned(), run_id),
-        ]),
-    }
-}
-
-/// What the recording says of the run when it has ended.
-fn result_info(report: &RunReport) -> ResultInfo {
-    let (clock, metrics): (BTreeMap<String, f64>, BTreeMap<String, f64>) = report
-        .metrics
-        .iter()
-        .map(|(name, value)| (name.to_owned(), value))
-        .partition(|(name, _)| WALL_CLOCK_METRICS.contains(&name.as_str()));
-    let mut host: BTreeMap<String, String> = clock
-        .into_iter()
-        .map(|(name, value)| (name, value.to_string()))
-        .collect();
-    host.insert("os".into(), std::env::consts::OS.into());
-    host.insert("arch".into(), std::env::consts::ARCH.into());
-    ResultInfo {
-        outcome: report.outcome.name().to_owned(),
-        reason: report.reason.clone(),
-        result_hash: report.result_hash.clone(),
-        metrics,
-        expect: report
-            .expect
-            .iter()
-            .map(|check| (check.check.clone(), check.ok))
-            .collect(),
-        host,
-    }
-}
-
 /// A recording that could not be written.
 fn unwritten(output: &Output, error: &RecordError) -> Failure {
     let cause = match error {
@@ -355,7 +282,7 @@ fn summary(setup: &Setup, report: &RunReport, log: Option<&Path>, size: u64) -> 
             "seed {}, {}, {}",
             setup.seed,
             setup.plant.name(),
-            mode(setup)
+            setup.mode_name()
         ),
     );
     render::metrics(&mut sheet, &report.metrics);

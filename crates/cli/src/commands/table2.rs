@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use bikebot_sim::study::table2::{PAPER_MAP, PAPER_SCENARIO};
 use bikebot_sim::study::{Table2, Table2Study};
 use clap::Args;
 use serde::Serialize;
@@ -15,13 +16,6 @@ use crate::interrupt;
 use crate::render;
 use crate::table::{Format, TableArgs};
 use crate::terminal::Terminal;
-
-/// The built-in scenario, and the map it names.
-const SCENARIO: &str = include_str!("../../../../scenarios/planning/fig6.toml");
-const MAP: (&str, &[u8]) = (
-    "../maps/fig6.json",
-    include_bytes!("../../../../scenarios/maps/fig6.json"),
-);
 
 /// Measure every row of the paper's Table 2, beside the printed figures
 ///
@@ -69,7 +63,7 @@ pub fn run(args: &Table2Args, terminal: &Terminal) -> Ending {
             ));
         }
         Some(path) => Loaded::read(path, &args.changes)?,
-        None => Loaded::built_in(SCENARIO, &[MAP], &args.changes)?,
+        None => Loaded::built_in(PAPER_SCENARIO, &[PAPER_MAP], &args.changes)?,
     };
     let setup = loaded.setup(terminal)?;
     let Some(problem) = setup.problem() else {

@@ -2,15 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use bikebot_geometry::{FergusonCurve, Point2};
-use bikebot_planner::{
-    EndPose, Method, PathKind, PlanningProblem, Promises, Terms, Verdict, ViolationKind, verify,
-};
+use bikebot_planner::{Method, PathKind, PlanningProblem, Terms, Verdict, ViolationKind, verify};
 use bikebot_report::ReportError;
 use bikebot_report::plan_file::read_json;
 use bikebot_sim::Override;
+use bikebot_sim::plan_file::{Mismatch, StoredPlan, StoredProblem};
 use clap::Args;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
 
 use super::plan::problem_flags;
@@ -18,7 +16,6 @@ use crate::args::{Changes, EndArg, positive};
 use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::{Given, Kind, Loaded};
-use crate::plan_json::map_hash;
 use crate::plan_text;
 use crate::render::{Sheet, significant};
 use crate::terminal::Terminal;
@@ -59,48 +56,6 @@ pub struct VerifyArgs {
     pub json: bool,
 }
 
-/// The part of a plan that is a promise.
-#[derive(Debug, Deserialize)]
-struct PlanRead {
-    method: String,
-    length_m: Option<f64>,
-    max_curvature_per_m: Option<f64>,
-    curvature_jump_per_m: Option<f64>,
-    min_clearance_m: Option<f64>,
-    segments: Vec<[f64; 8]>,
-    problem: ProblemRead,
-}
-
-#[derive(Debug, Deserialize)]
-struct ProblemRead {
-    bounds_m: [f64; 4],
-    footprint: String,
-    margin_m: f64,
-    max_curvature_per_m: f64,
-    start: EndRead,
-    goal: EndRead,
-    tolerance_m: f64,
-    ends_in: Option<String>,
-    map_hash: Option<String>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-struct EndRead {
-    x_m: f64,
-    y_m: f64,
-    heading_rad: Option<f64>,
-}
-
-impl EndRead {
-    fn pose(self) -> EndPose {
-        EndPose {
-            position: Point2::new(self.x_m, self.y_m),
-            heading: self.heading_rad,
-            curvature: None,
-        }
-    }
-}
-
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
 struct VerifyJson<'a> {
@@ -112,15 +67,7 @@ struct VerifyJson<'a> {
     version: &'static str,
 }
 
-/// Something that the plan's problem and the given one differ in.
-#[derive(Debug, Serialize)]
-struct Mismatch {
-    what: &'static str,
-    plan: String,
-    given: String,
-}
-
-fn read_plan(path: &Path) -> Result<PlanRead, Failure> {
+fn read_plan(path: &Path) -> Result<StoredPlan, Failure> {
     let place = path.display().to_string();
     let text = plan_text::read(path, "no plan", "")?;
     let refused = |error: ReportError| plan_text::tell(&error, &place, &text);
@@ -137,21 +84,22 @@ fn read_plan(path: &Path) -> Result<PlanRead, Failure> {
             .help("it takes a plan whose outcome is found"),
         ));
     }
+    if let Some(method) = json.get("method").and_then(Value::as_str)
+        && method.parse::<Method>().is_err()
+    {
+        let known = Method::ALL.map(Method::name).join(", ");
+        return Err(Failure::usage(
+            Diagnostic::error(format!("`method`: there is no method \"{method}\""))
+                .at_line(&place, None)
+                .help(format!("known are {known}")),
+        ));
+    }
     read_json(&text).map_err(refused)
 }
 
 /// Checks, and tells.
 pub fn run(args: &VerifyArgs, terminal: &Terminal) -> Ending {
     let plan = read_plan(&args.plan)?;
-    let method: Method =
-        serde_json::from_value(Value::from(plan.method.as_str())).map_err(|_| {
-            let known = Method::ALL.map(Method::name).join(", ");
-            Failure::usage(
-                Diagnostic::error(format!("`method`: there is no method \"{}\"", plan.method))
-                    .at_line(&args.plan.display().to_string(), None)
-                    .help(format!("known are {known}")),
-            )
-        })?;
     let given = problem_flags(
         args.start,
         args.goal,
@@ -186,30 +134,9 @@ pub fn run(args: &VerifyArgs, terminal: &Terminal) -> Ending {
         None if is_map => problem.goal.heading = plan.problem.goal.heading_rad,
         _ => {}
     }
-    let mismatches = mismatches(&plan.problem, &problem, setup.planner.margin);
-    let segments: Vec<FergusonCurve> = plan
-        .segments
-        .iter()
-        .map(|numbers| FergusonCurve::from_array(*numbers))
-        .collect();
-    let kind = if method.is_curvature_limited() {
-        PathKind::Curves
-    } else {
-        PathKind::Polyline
-    };
-    let in_ball = plan.problem.ends_in.as_deref() == Some("ball");
-    let terms = Terms {
-        kind,
-        margin: setup.planner.margin,
-        goal_radius: if in_ball { problem.goal.tolerance } else { 0.0 },
-        promises: Promises {
-            max_curvature: plan.max_curvature_per_m,
-            curvature_jump: plan.curvature_jump_per_m,
-            min_clearance: plan.min_clearance_m,
-            length: plan.length_m,
-        },
-    };
-    let verdict = verify(&problem, &segments, &terms);
+    let mismatches = plan.mismatches(&problem, setup.planner.margin);
+    let terms = plan.terms(setup.planner.margin, problem.goal.tolerance);
+    let verdict = verify(&problem, &plan.curves(), &terms);
     let holds = verdict.holds() && mismatches.is_empty();
     if args.json {
         terminal.print_json(&VerifyJson {
@@ -226,7 +153,7 @@ pub fn run(args: &VerifyArgs, terminal: &Terminal) -> Ending {
 }
 
 /// What the plan says was asked, as changes to a scenario that only names a map.
-fn from_plan(problem: &ProblemRead, path: &Path) -> Vec<Given> {
+fn from_plan(problem: &StoredProblem, path: &Path) -> Vec<Given> {
     let typed = path.display().to_string();
     let number = |key: &str, value: f64| Given {
         change: Override::new(key, format!("{value:?}")),
@@ -250,63 +177,9 @@ fn from_plan(problem: &ProblemRead, path: &Path) -> Vec<Given> {
     ]
 }
 
-/// What the plan was made for and what it is to be verified for, where they differ.
-fn mismatches(plan: &ProblemRead, given: &PlanningProblem<'_>, margin: f64) -> Vec<Mismatch> {
-    let mut found = Vec::new();
-    let mut differ = |what, plan: String, given: String| {
-        if plan != given {
-            found.push(Mismatch { what, plan, given });
-        }
-    };
-    let b = given.world.bounds();
-    let bounds = [b.min.x, b.min.y, b.max.x, b.max.y];
-    differ(
-        "map bounds",
-        format!("{:?} m", plan.bounds_m),
-        format!("{bounds:?} m"),
-    );
-    if let Some(hash) = &plan.map_hash {
-        // Twelve digits tell two maps apart.
-        let shown = |hash: &str| format!("{}…", hash.get(..12).unwrap_or(hash));
-        differ("map", shown(hash), shown(&map_hash(given.world)));
-    }
-    differ(
-        "footprint",
-        plan.footprint.clone(),
-        given.footprint.to_string(),
-    );
-    let per_metre = |value: f64| format!("{value} /m");
-    differ(
-        "curvature limit",
-        per_metre(plan.max_curvature_per_m),
-        per_metre(given.max_curvature),
-    );
-    differ(
-        "margin",
-        format!("{} m", plan.margin_m),
-        format!("{margin} m"),
-    );
-    let end = |end: EndPose| {
-        let heading = end.heading.map_or_else(
-            || "any heading".to_owned(),
-            // Degrees and radians do not convert to the last digit.
-            |heading| format!("heading {:.9} rad", heading),
-        );
-        format!("({}, {}) m, {heading}", end.position.x, end.position.y)
-    };
-    differ("start", end(plan.start.pose()), end(given.start));
-    differ("goal", end(plan.goal.pose()), end(given.goal.end()));
-    differ(
-        "goal tolerance",
-        format!("{} m", plan.tolerance_m),
-        format!("{} m", given.goal.tolerance),
-    );
-    found
-}
-
 fn sheet(
     path: &Path,
-    plan: &PlanRead,
+    plan: &StoredPlan,
     problem: &PlanningProblem<'_>,
     terms: &Terms,
     verdict: &Verdict,
@@ -314,7 +187,7 @@ fn sheet(
 ) -> String {
     let holds = verdict.holds() && mismatches.is_empty();
     let word = if holds { "holds" } else { "does not hold" };
-    let mut sheet = Sheet::new(&format!("{}: {word}", path.display()), &plan.method);
+    let mut sheet = Sheet::new(&format!("{}: {word}", path.display()), plan.method.name());
     let promised = |value: Option<f64>, unit: &str| {
         value.map_or_else(
             || "nothing promised".to_owned(),

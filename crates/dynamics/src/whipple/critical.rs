@@ -159,6 +159,19 @@ impl Whipple {
 }
 
 impl CriticalSpeeds {
+    /// Speeds that show it all, m/s: every half up to 10, or up to a fifth past the highest critical speed.
+    #[must_use]
+    pub fn usual_speeds(&self) -> Vec<f64> {
+        let highest = [self.weave, self.capsize]
+            .into_iter()
+            .flatten()
+            .fold(0.0, f64::max);
+        let top = (1.2 * highest).clamp(10.0, 50.0).ceil();
+        let last = 2 * top as usize;
+        // Exact at both ends.
+        (0..=last).map(|i| top * (i as f64 / last as f64)).collect()
+    }
+
     /// Standard deviations of weave and capsize speed, m/s, from those of the parameters (symbol, value) taken as
     /// independent, to first order; `None` where there is no such speed.
     #[must_use]
@@ -318,5 +331,19 @@ mod tests {
         // The small root of 1e-8: the school formula would lose eight digits of it.
         let small = sorted([1.0, -1e8, 1.0])[0];
         assert!((small - 1e-8).abs() < 1e-22);
+    }
+
+    #[test]
+    fn the_usual_speeds_reach_past_the_critical_ones() {
+        let speeds = |capsize| {
+            let mut critical = Whipple::new(&WhippleParams::benchmark())
+                .unwrap()
+                .critical_speeds();
+            critical.capsize = capsize;
+            critical.usual_speeds()
+        };
+        assert_eq!(speeds(None).len(), 21);
+        let far = speeds(Some(12.0));
+        assert_eq!((far.len(), far[1], *far.last().unwrap()), (31, 0.5, 15.0));
     }
 }

@@ -107,6 +107,22 @@ macro_rules! sampled {
                 }
             }
 
+            /// Columns from a lookup by name, `time_s` included; one that is missing or of another length than the time is NaN.
+            #[must_use]
+            pub fn from_columns(lookup: impl Fn(&str) -> Option<Vec<f64>>) -> Self {
+                let time_s = lookup("time_s").unwrap_or_default();
+                let count = time_s.len();
+                let column = |name: &str| {
+                    lookup(name)
+                        .filter(|values| values.len() == count)
+                        .unwrap_or_else(|| vec![f64::NAN; count])
+                };
+                Self {
+                    $( $field: column(stringify!($field)), )*
+                    time_s,
+                }
+            }
+
             /// Appends a row.
             pub(crate) fn push(&mut self, time: $crate::clock::SimTime, sample: &$sample) {
                 self.time_s.push(time.seconds());

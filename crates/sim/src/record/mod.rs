@@ -10,6 +10,7 @@
 //! are simulated, and what the host and its clock have to say goes into one
 //! metadata record, `bikebot.host`, if the caller gives any at all.
 
+mod about;
 mod columns;
 pub mod event;
 pub mod hash;

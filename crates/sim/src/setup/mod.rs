@@ -176,6 +176,15 @@ impl Setup {
         .resolve()
     }
 
+    /// Name of the mode at the start, as written in scenarios.
+    #[must_use]
+    pub fn mode_name(&self) -> &'static str {
+        match self.mode {
+            BalancerMode::Flywheel => "flywheel",
+            BalancerMode::Balancer => "balancer",
+        }
+    }
+
     /// The planning problem of the scenario, if it has a map and a goal.
     #[must_use]
     pub fn problem(&self) -> Option<PlanningProblem<'_>> {

@@ -12,6 +12,14 @@ use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
+/// The scenario of our reconstruction of the paper's yard.
+pub const PAPER_SCENARIO: &str = include_str!("../../../../scenarios/planning/fig6.toml");
+/// The map it names, by the name it uses.
+pub const PAPER_MAP: (&str, &[u8]) = (
+    "../maps/fig6.json",
+    include_bytes!("../../../../scenarios/maps/fig6.json"),
+);
+
 /// Corner length of the row "full_smooth", in scales: shorter than the paper's own row and smoother than its smoothest at once.
 const SMOOTH_CORNER: f64 = 18.0;
 

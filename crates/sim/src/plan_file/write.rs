@@ -1,14 +1,15 @@
-//! A plan as JSON: the keys are a promise to scripts and other programs.
+//! A plan as JSON: what `plan --json` prints and what `plan -o` writes.
 
 use bikebot_geometry::Point2;
 use bikebot_planner::report::sampling_step;
-use bikebot_planner::{EndPose, PlanError, PlanReport, PlannerParams, PlanningProblem, TraceEntry};
-use bikebot_report::plan_file::Shapes;
-use bikebot_sim::Setup;
-use bikebot_sim::record::ResultHasher;
+use bikebot_planner::{
+    EndPose, Method, PlanError, PlanReport, PlannerParams, PlanningProblem, Stage, TraceEntry,
+};
 use bikebot_world::{Cell, Obstacle, World};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
+
+use crate::record::ResultHasher;
 
 /// What `bikebot plan --json` prints for each run. What does not apply is absent.
 #[derive(Debug, Clone, Serialize)]
@@ -71,7 +72,7 @@ pub struct PlanJson {
 pub struct TraceJson {
     time_s: f64,
     iteration: u64,
-    stage: Value,
+    stage: Stage,
     length_m: f64,
     cost: f64,
     certified: bool,
@@ -89,7 +90,7 @@ pub struct Times {
 }
 
 /// The name an enum has in files.
-fn name(value: &impl Serialize) -> String {
+pub(super) fn name(value: &impl Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(Value::String(name)) => name,
         _ => String::new(),
@@ -98,15 +99,10 @@ fn name(value: &impl Serialize) -> String {
 
 impl PlanJson {
     /// What a search came to.
+    #[must_use]
     pub fn new(report: &PlanReport, problem: &PlanningProblem<'_>, times: &Times) -> Self {
         let (outcome, reason) = (name(&report.outcome), name(&report.reason));
-        let mut hasher = ResultHasher::new();
-        if let Some(path) = &report.path {
-            for segment in path.segments() {
-                hasher.values(&segment.to_array());
-            }
-        }
-        let result_hash = hasher.finish(&outcome, &reason);
+        let result_hash = plan_hash(report);
         let metrics = report.metrics.as_ref();
         let trace = report
             .trace
@@ -115,7 +111,7 @@ impl PlanJson {
             .map(|(entry, time)| TraceJson {
                 time_s: *time,
                 iteration: entry.iteration,
-                stage: name(&entry.stage).into(),
+                stage: entry.stage,
                 length_m: entry.length,
                 cost: entry.cost,
                 certified: entry.certified,
@@ -167,19 +163,13 @@ impl PlanJson {
     }
 
     /// A problem that makes no sense.
-    pub fn invalid(error: &PlanError, setup: &Setup, seed: u64) -> Self {
-        let reason = match error {
-            PlanError::StartInObstacle { .. } => "start_in_obstacle",
-            PlanError::GoalInObstacle { .. } => "goal_in_obstacle",
-            PlanError::OutsideMap { .. } => "outside_map",
-            PlanError::InvalidParameter { .. } | PlanError::InvalidFootprint { .. } => {
-                "invalid_parameter"
-            }
-        };
+    #[must_use]
+    pub fn invalid(error: &PlanError, method: Method, seed: u64) -> Self {
+        let reason = reason_of(error);
         Self {
             outcome: "invalid".into(),
             reason: reason.into(),
-            method: setup.planner.method.name(),
+            method: method.name(),
             seed,
             time_s: None,
             first_s: None,
@@ -200,7 +190,33 @@ impl PlanJson {
     }
 }
 
+/// In one word why a problem makes no sense: one of a closed list.
+#[must_use]
+pub fn reason_of(error: &PlanError) -> &'static str {
+    match error {
+        PlanError::StartInObstacle { .. } => "start_in_obstacle",
+        PlanError::GoalInObstacle { .. } => "goal_in_obstacle",
+        PlanError::OutsideMap { .. } => "outside_map",
+        PlanError::InvalidParameter { .. } | PlanError::InvalidFootprint { .. } => {
+            "invalid_parameter"
+        }
+    }
+}
+
+/// SHA-256 over outcome, reason and segments of a plan, hexadecimal.
+#[must_use]
+pub fn plan_hash(report: &PlanReport) -> String {
+    let mut hasher = ResultHasher::new();
+    if let Some(path) = &report.path {
+        for segment in path.segments() {
+            hasher.values(&segment.to_array());
+        }
+    }
+    hasher.finish(&name(&report.outcome), &name(&report.reason))
+}
+
 /// What tells one map from another: a hash over its bounds, shapes and cells.
+#[must_use]
 pub fn map_hash(world: &World) -> String {
     let mut hasher = ResultHasher::new();
     let bounds = world.bounds();
@@ -310,6 +326,7 @@ impl From<EndPose> for EndJson {
 
 impl<'a> PlanFile<'a> {
     /// The file for a plan of `problem` on the map of that name.
+    #[must_use]
     pub fn new(
         plan: &'a PlanJson,
         report: &PlanReport,
@@ -364,5 +381,56 @@ impl<'a> PlanFile<'a> {
                 corridor_half_width_m: stages.corridor_half_width,
             },
         }
+    }
+}
+
+/// Obstacles as they stand in a plan file.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Shapes {
+    /// Centre and radius: `x y r`, m.
+    pub discs: Vec<[f64; 3]>,
+    /// Corners, m.
+    pub polygons: Vec<Vec<[f64; 2]>>,
+    /// Lower left and upper right corner: `x0 y0 x1 y1`, m.
+    pub blocks: Vec<[f64; 4]>,
+}
+
+impl Shapes {
+    /// The obstacles of `world` that are not cells of a grid.
+    #[must_use]
+    pub fn of(world: &World) -> Self {
+        let mut shapes = Self::default();
+        for obstacle in world.obstacles() {
+            match obstacle {
+                Obstacle::Disc { center, radius } => {
+                    shapes.discs.push([center.x, center.y, *radius]);
+                }
+                Obstacle::Polygon { vertices } => shapes
+                    .polygons
+                    .push(vertices.iter().map(|p| [p.x, p.y]).collect()),
+                Obstacle::Block { min, max } => {
+                    shapes.blocks.push([min.x, min.y, max.x, max.y]);
+                }
+            }
+        }
+        shapes
+    }
+
+    /// The obstacles.
+    #[must_use]
+    pub fn obstacles(&self) -> Vec<Obstacle> {
+        let discs = self.discs.iter().map(|&[x, y, radius]| Obstacle::Disc {
+            center: Point2::new(x, y),
+            radius,
+        });
+        let polygons = self.polygons.iter().map(|vertices| Obstacle::Polygon {
+            vertices: vertices.iter().map(|&[x, y]| Point2::new(x, y)).collect(),
+        });
+        let blocks = self.blocks.iter().map(|&[x0, y0, x1, y1]| Obstacle::Block {
+            min: Point2::new(x0, y0),
+            max: Point2::new(x1, y1),
+        });
+        discs.chain(polygons).chain(blocks).collect()
     }
 }
