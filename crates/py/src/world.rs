@@ -22,6 +22,9 @@ use crate::work;
 const OCCUPIED_FROM: i8 = 65;
 const FREE_TO: i8 = 19;
 
+/// Most shapes of one kind.
+const MAX_SHAPES: usize = 1_000_000;
+
 /// Who holds the world.
 #[derive(Clone)]
 enum Holder {
@@ -227,7 +230,14 @@ fn list<'py>(
     if object.is_instance_of::<pyo3::types::PyString>() {
         return Err(refuse());
     }
-    object.try_iter().map_err(|_| refuse())?.collect()
+    let mut found = Vec::new();
+    for item in object.try_iter().map_err(|_| refuse())? {
+        found.push(item?);
+        if found.len() > MAX_SHAPES {
+            return Err(value(format!("{name} holds more than {MAX_SHAPES} {form}")));
+        }
+    }
+    Ok(found)
 }
 
 #[pymethods]

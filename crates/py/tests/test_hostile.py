@@ -128,19 +128,12 @@ def test_hostile_calls_raise_and_nothing_else(seed, yard, stand, capsys):
             arguments[name] = chance.choice(nasties(chance))
         if chance.random() < 0.02:
             arguments["no_such_argument"] = 1
-        if target in (bikebot.plan, planner.plan) and arguments.get("time_limit") != 0.0005:
-            # What is asked without a limit may take its time.
-            arguments["iterations"] = arguments.get("iterations", 10)
-            if arguments["iterations"] is None:
-                arguments["time_limit"] = 0.0005
-        if target is stand.with_:
-            began = time.perf_counter()
-            call = lambda: target(arguments["changes"])  # noqa: E731
-        else:
-            began = time.perf_counter()
-            call = lambda: target(**arguments)  # noqa: E731
+        began = time.perf_counter()
         try:
-            call()
+            if target == stand.with_:
+                target(arguments["changes"])
+            else:
+                target(**arguments)
             tally["returned"] += 1
         except ALLOWED as error:
             tally[type(error).__name__] += 1
@@ -156,7 +149,7 @@ def test_hostile_calls_raise_and_nothing_else(seed, yard, stand, capsys):
     [
         (lambda w: bikebot.plan(w, (1, 1, 90.0), (18, 4)), ValueError, ("start[2]", "radians", "math.radians(90")),
         (lambda w: bikebot.plan(w, (1, 1), (18, 4, -180)), ValueError, ("goal[2]", "±2π")),
-        (lambda w: bikebot.plan(w, (1, nan), (18, 4)), ValueError, ("start[1]", "nan", "finite")),
+        (lambda w: bikebot.plan(w, (1, nan), (18, 4)), ValueError, ("start[1]", "NaN", "finite")),
         (lambda w: bikebot.plan(w, "1,1", (18, 4)), TypeError, ("start", "(x, y)", "str")),
         (lambda w: bikebot.plan(w, (1,), (18, 4)), ValueError, ("start has 1 numbers",)),
         (lambda w: bikebot.plan(w, np.zeros((2, 2)), (18, 4)), ValueError, ("start", "shape")),

@@ -60,7 +60,7 @@ def test_ctrl_c_is_heard_within_50_ms(slow_world, capsys, tmp_path):
         "run": lambda: rides.run(),
         "run, recorded": lambda: rides.run(record=tmp_path / "x.mcap"),
         "sweep": lambda: bikebot.sweep(rides, seeds=range(4)),
-        "sweep on an executor": lambda: sweep_on_threads(rides),
+        "sweep on an executor": lambda: sweep_on_threads(rides.with_(run={"duration_s": 400.0})),
         "table2": lambda: bikebot.table2(runs=100_000),
         "refine": lambda: waits(planner),
     }

@@ -11,7 +11,25 @@ from bikebot._progress import Progress
 from bikebot._results import Event
 from bikebot._types import End, Floats, Footprint, Integer, Number, Path, Points
 
-__all__: list[str]
+__all__ = [
+    "Plan",
+    "Planner",
+    "Refinement",
+    "Ride",
+    "Scenario",
+    "Trace",
+    "World",
+    "__version__",
+    "_check_cases",
+    "_eigenvalues",
+    "_metric_names",
+    "_panic",
+    "_run_cases",
+    "_table2",
+    "_toml",
+    "plan",
+    "read_log",
+]
 __version__: str
 
 @final

@@ -209,7 +209,10 @@ def _arrays(columns: Mapping[str, Any]) -> dict[str, npt.NDArray[Any]]:
 def _values(key: str, values: Any) -> list[Any]:
     if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
         raise TypeError(f"vary[{key!r}] takes the values as a list or an array, not {values!r}")
-    found = values.tolist() if isinstance(values, np.ndarray) else list(values)
+    if isinstance(values, np.ndarray):
+        found = values.tolist()
+    else:
+        found = list(itertools.islice(values, MAX_ROWS + 1))
     if not isinstance(found, list) or not found:
         raise ValueError(f"vary[{key!r}] holds no values")
     return found
