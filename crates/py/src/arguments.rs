@@ -8,7 +8,7 @@ use bikebot_planner::{EndPose, Method};
 use bikebot_world::Footprint;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyBytes, PyString};
+use pyo3::types::{PyBool, PyBytes, PyComplex, PyFloat, PyString};
 
 use crate::errors::{kind, value};
 
@@ -27,8 +27,16 @@ pub fn type_name(object: &Bound<'_, PyAny>) -> String {
 
 /// A finite number.
 pub fn number(name: &str, object: &Bound<'_, PyAny>) -> PyResult<f64> {
+    if let Ok(plain) = object.cast_exact::<PyFloat>()
+        && plain.value().is_finite()
+    {
+        return Ok(plain.value());
+    }
     let refuse = || kind(format!("{name} takes a number, not {}", type_name(object)));
-    if object.is_instance_of::<PyBool>() {
+    // numpy would drop the imaginary part with a warning.
+    let is_complex =
+        object.is_instance_of::<PyComplex>() || type_name(object).starts_with("complex");
+    if object.is_instance_of::<PyBool>() || is_complex {
         return Err(refuse());
     }
     let found: f64 = object.extract().map_err(|_| refuse())?;

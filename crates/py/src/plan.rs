@@ -9,7 +9,6 @@ use bikebot_planner::{
 };
 use bikebot_report::{Ground, PlanFigure, PlanFile as Picture, PlanStyle, PlanView, svg};
 use bikebot_sim::plan_file::{PlanFile, PlanJson, StoredPlan, StoredProblem, Times, plan_hash};
-use bikebot_world::Footprint;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -18,8 +17,9 @@ use serde_json::Value;
 use crate::arguments::{self, count, number};
 use crate::arrays::{lend, lend_rows};
 use crate::errors::{self, kind, value};
+use crate::files;
 use crate::json;
-use crate::search::Asked;
+use crate::search::{self, Asked};
 use crate::work;
 use crate::world::{PyWorld, tidy};
 
@@ -544,7 +544,7 @@ impl PyPlan {
             return Self::read(py, text, None);
         }
         let path = arguments::path("source", source)?;
-        let bytes = std::fs::read(&path).map_err(|error| errors::file(&path, error))?;
+        let bytes = files::read(&path)?;
         let text = String::from_utf8(bytes)
             .map_err(|_| value(format!("{} is no plan: it is not UTF-8", path.display())))?;
         Self::read(py, text, None)
@@ -611,18 +611,18 @@ impl PyPlan {
                 self.outcome()
             )));
         };
+        let limit = match max_curvature {
+            Some(limit) => arguments::positive("max_curvature", limit)?,
+            None => self.curvature_limit(),
+        };
         let footprint = match (footprint, &self.source) {
-            (Some(footprint), _) => arguments::footprint(footprint, Footprint::bike)?,
+            (Some(footprint), _) => arguments::footprint(footprint, || search::bike(limit))?,
             (None, Source::Made(asked)) => asked.footprint.clone(),
             (None, Source::Read { stored, .. }) => stored
                 .problem
                 .footprint
                 .parse()
                 .map_err(|error: bikebot_world::FootprintError| value(error.to_string()))?,
-        };
-        let limit = match max_curvature {
-            Some(limit) => arguments::positive("max_curvature", limit)?,
-            None => self.curvature_limit(),
         };
         let margin = match margin {
             Some(margin) => number("margin", margin)?,

@@ -247,7 +247,7 @@ impl PyPlanner {
 /// From the search to the loop.
 enum Message {
     Better(TraceEntry, Vec<FergusonCurve>, f64),
-    Ended(Result<(PlanReport, Times), PlanError>),
+    Ended(Box<Result<(PlanReport, Times), PlanError>>),
     Broken,
 }
 
@@ -324,7 +324,7 @@ impl Refinement {
                 )
             };
             queue.send(match catch_unwind(AssertUnwindSafe(search)) {
-                Ok(ended) => Message::Ended(ended),
+                Ok(ended) => Message::Ended(Box::new(ended)),
                 Err(_) => Message::Broken,
             });
         };
@@ -430,7 +430,7 @@ impl Refinement {
                 }
                 Message::Ended(ended) => {
                     self.state().ended = true;
-                    return self.end(py, ended);
+                    return self.end(py, *ended);
                 }
                 Message::Broken => {
                     self.state().ended = true;

@@ -1,6 +1,6 @@
 //! A question to the planner, from Python arguments to a report.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use bikebot_planner::{
@@ -47,17 +47,26 @@ pub struct Terms<'a, 'py> {
     pub settings: Option<&'a Bound<'py, PyAny>>,
 }
 
-/// The bike's outline as planning takes it: grown by what the follower is allowed.
-fn bike() -> Footprint {
-    static BIKE: OnceLock<Footprint> = OnceLock::new();
-    BIKE.get_or_init(|| {
-        let changes = [Override::new("planner.footprint", "\"bike\"")];
-        let setup = ScenarioFile::parse(BLANK, &changes)
-            .ok()
-            .and_then(|file| Setup::resolve(&file, &mut |_| Err(String::new())).ok());
-        setup.map_or_else(Footprint::bike, |setup| setup.planning_footprint)
-    })
-    .clone()
+/// The bike's outline as planning takes it: grown by what the follower is allowed on a path of this curvature, 1/m.
+pub fn bike(max_curvature: f64) -> Footprint {
+    // The last one asked for: it takes a scenario to know it.
+    static LAST: Mutex<Option<(f64, Footprint)>> = Mutex::new(None);
+    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((curvature, footprint)) = &*last
+        && *curvature == max_curvature
+    {
+        return footprint.clone();
+    }
+    let changes = [
+        Override::new("planner.footprint", "\"bike\""),
+        Override::new("planner.max_curvature_per_m", format!("{max_curvature:?}")),
+    ];
+    let setup = ScenarioFile::parse(BLANK, &changes)
+        .ok()
+        .and_then(|file| Setup::resolve(&file, &mut |_| Err(String::new())).ok());
+    let footprint = setup.map_or_else(Footprint::bike, |setup| setup.planning_footprint);
+    *last = Some((max_curvature, footprint.clone()));
+    footprint
 }
 
 fn params_of(settings: &Bound<'_, PyAny>) -> PyResult<PlannerParams> {
@@ -90,7 +99,7 @@ impl Asked {
         Ok(Self {
             field,
             footprint: match terms.footprint {
-                Some(footprint) => arguments::footprint(footprint, bike)?,
+                Some(footprint) => arguments::footprint(footprint, || bike(params.max_curvature))?,
                 None => Footprint::Point,
             },
             params: Arc::new(params),

@@ -99,10 +99,11 @@ pub fn _table2<'py>(
     ))
 }
 
+/// Name, parameters, and the standard deviations of those that were measured.
+type Bicycle = (String, WhippleParams, Vec<(&'static str, f64)>);
+
 /// The bicycle asked for: a preset, a parameter file, a scenario's bike, or values by symbol.
-fn bicycle(
-    parameters: &Bound<'_, PyAny>,
-) -> PyResult<(String, WhippleParams, Vec<(&'static str, f64)>)> {
+fn bicycle(parameters: &Bound<'_, PyAny>) -> PyResult<Bicycle> {
     let robot = |name: String, bike: &BikeParams, mode| {
         WhippleParams::from_bike(bike, bike.offset(mode), &SteeringAssembly::e_bike())
             .map(|params| (name.clone(), params, Vec::new()))

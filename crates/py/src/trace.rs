@@ -50,6 +50,8 @@ const LEVELS: [(LogLevel, &str); 4] = [
     (LogLevel::Error, "error"),
 ];
 
+/// A name and its array.
+type Item<'py> = (&'static str, Bound<'py, PyArray1<f64>>);
 type Edge = [[f64; 2]; 2];
 type Goal = ([f64; 2], Option<f64>, f64);
 type PlanState = (
@@ -184,9 +186,7 @@ impl PyTrace {
     }
 
     /// Names and arrays.
-    fn items<'py>(
-        slf: &Bound<'py, Self>,
-    ) -> PyResult<Vec<(&'static str, Bound<'py, PyArray1<f64>>)>> {
+    fn items<'py>(slf: &Bound<'py, Self>) -> PyResult<Vec<Item<'py>>> {
         Trace::names()
             .map(|name| Ok((name, Self::column(slf, name)?)))
             .collect()

@@ -16,6 +16,7 @@ use pyo3::types::{PyDict, PyTuple, PyType};
 
 use crate::arguments::{self, number, numbers, positive, type_name};
 use crate::errors::{self, kind, value};
+use crate::files;
 use crate::work;
 
 /// From this probability in percent a cell is occupied, and up to this one free: the thresholds of `map_server`.
@@ -268,7 +269,7 @@ impl PyWorld {
             scale: scale.map_or(Ok(1.0), |it| positive("scale", it))?,
             unknown_is_free,
         };
-        let bytes = std::fs::read(&path).map_err(|error| errors::file(&path, error))?;
+        let bytes = files::read(&path)?;
         let name = path.display().to_string();
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
         let loaded = work::here(py, |_| {

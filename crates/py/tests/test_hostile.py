@@ -108,7 +108,7 @@ def callables(chance: random.Random, yard, stand, plan, planner, ride) -> list:
         (trace.get, {"name": "roll_rad", "default": 1}),
         (bikebot.read_log, {"path": "/dev/null"}),
         (bikebot.eigenvalues, {"parameters": "benchmark", "speeds": [1.0, 2.0]}),
-        (bikebot.sweep, {"scenario": 1, "vary": {"start.roll_deg": [1]}, "seeds": range(2), "executor": None, "threads": 1, "chunk": 1, "progress": None}),
+        (bikebot.sweep, {"scenario": stand, "vary": {"start.roll_deg": [1]}, "seeds": range(2), "executor": None, "threads": 1, "chunk": 1, "progress": None}),
         (_bikebot._toml, {"name": "x", "object": 1}),
     ]
 
