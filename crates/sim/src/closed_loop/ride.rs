@@ -14,7 +14,7 @@ use crate::monitor::{Edge, FallMonitor, PassivityMonitor, Verdict};
 use crate::online::{Lookout, Motion, Riding};
 use crate::outcome::{Metrics, RunOutcome};
 use crate::pilot::{Pilot, PilotOutput};
-use crate::record::{Event, LogLevel, NoticeKind, Recorder, ResultHasher, ScanSample};
+use crate::record::{Event, LogLevel, NoticeKind, OrderSample, Recorder, ResultHasher, ScanSample};
 use crate::ride_metrics::RideMetrics;
 use crate::setup::Setup;
 use crate::true_plant::{TruePlant, true_offset};
@@ -397,7 +397,9 @@ impl<'s> Ride<'s> {
             speed,
             stopping_distance: self.pilot.stopping_distance(speed),
         };
-        let began = self.clock.map(|clock| clock());
+        let clock = self.clock;
+        let now = || clock.map_or(f64::NAN, |clock| clock());
+        let began = now();
         let pilot = &self.pilot;
         let riding = Riding {
             profile: &|s| pilot.profile_speed(s),
@@ -405,9 +407,22 @@ impl<'s> Ride<'s> {
             acceleration: self.setup.follow.longitudinal_acceleration,
         };
         let (order, before) = lookout.order(&motion, &riding);
-        if let (true, Some(began), Some(clock)) = (order.searches > 0, began, self.clock) {
-            self.replanning += clock() - began;
+        let took = now() - began;
+        if order.search.is_some() && clock.is_some() {
+            self.replanning += took;
         }
+        let navigator = lookout.navigator();
+        recorder.record(
+            time,
+            &Event::Order(OrderSample {
+                is_fresh: scan.is_some(),
+                s: motion.s,
+                path: navigator.path(),
+                world: navigator.world(),
+                search: order.search,
+                took,
+            }),
+        )?;
         if let Some(new) = &order.path {
             if let Err(error) = self.pilot.replace_path(&new.curves, motion.s) {
                 lookout.navigator().refuse();

@@ -29,7 +29,7 @@ pub(crate) use giving_way::{Course, Decision};
 pub(crate) use lookout::{Lookout, Riding};
 pub use navigator::{Motion, Navigator, Task};
 pub use params::OnlineParams;
-pub use status::{Cause, Halt, NewPath, Order, Status};
+pub use status::{Cause, Halt, NewPath, Order, Searched, Status};
 
 #[cfg(test)]
 mod tests;

@@ -121,6 +121,19 @@ pub struct NewPath {
     pub iterations: u64,
 }
 
+/// A search for a path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Searched {
+    /// Arc length at which the new path was to leave the present one, m.
+    pub at: f64,
+    /// Whether the bike was at rest: then more is tried.
+    pub at_rest: bool,
+    /// What was found.
+    pub found: Option<Cause>,
+    /// Whether that took a search over poses and steering angles, or would have.
+    pub over_poses: bool,
+}
+
 /// What is to be done from now on.
 #[derive(Debug, Clone)]
 pub struct Order {
@@ -135,6 +148,6 @@ pub struct Order {
     pub is_emergency: bool,
     /// The bike has stood without a way for as long as it was to look for one.
     pub gives_up: Option<Halt>,
-    /// How many searches were made for this order.
-    pub searches: u32,
+    /// The search for a path that was made for this order.
+    pub search: Option<Searched>,
 }

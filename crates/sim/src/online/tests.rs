@@ -260,7 +260,7 @@ impl Case {
                 speed,
                 stopping_distance: stopping_distance(speed),
             });
-            ridden.plans += order.searches;
+            ridden.plans += u32::from(order.search.is_some());
             ridden.emergencies += u32::from(order.is_emergency);
             if let Some(new) = order.path {
                 assert!(new.joint >= s - 1e-9, "joint {} behind {s}", new.joint);

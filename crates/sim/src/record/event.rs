@@ -10,7 +10,9 @@
 
 use super::columns::{Column, sampled};
 use crate::clock::SimTime;
-use bikebot_world::OccupancyGrid;
+use crate::online::Searched;
+use bikebot_geometry::CurvePath;
+use bikebot_world::{OccupancyGrid, World};
 
 /// One thing that happened, borrowed from whoever saw it happen.
 #[derive(Debug, Clone, Copy)]
@@ -32,6 +34,8 @@ pub enum Event<'a> {
     Scan(ScanSample<'a>),
     /// What the bike has found out about its field so far: free, occupied, unknown. Written as a whole, at its own rate.
     Belief(&'a OccupancyGrid),
+    /// What the navigator has said, at each tick of a ride on what the laser shows. For whoever measures it; recordings leave it out.
+    Order(OrderSample<'a>),
     /// Where the moving obstacles are now: all of them, in a fixed order.
     MovingObstacles(&'a [Shape]),
     /// A line for people.
@@ -83,6 +87,23 @@ pub struct BikeGeometry {
     /// Outline of the footprint in the bike's frame, m, closed by itself; see
     /// [`capsule_outline`](super::scene::capsule_outline).
     pub footprint: Vec<[f64; 2]>,
+}
+
+/// An order of the navigator, and what it was made from.
+#[derive(Debug, Clone, Copy)]
+pub struct OrderSample<'a> {
+    /// Whether a scan came in since the order before.
+    pub is_fresh: bool,
+    /// Arc length of the rear contact on the path in force, m.
+    pub s: f64,
+    /// The path in force.
+    pub path: Option<&'a CurvePath>,
+    /// The optimistic world as of the last search.
+    pub world: &'a World,
+    /// The search for a path, where one was made.
+    pub search: Option<Searched>,
+    /// Time it took, s, by the clock lent to the run; NaN without one.
+    pub took: f64,
 }
 
 /// What one cell of a map is.

@@ -536,6 +536,7 @@ impl<W: Write + Seek> Recorder for McapRecorder<W> {
                 }
                 Ok(())
             }
+            Event::Order(_) => Ok(()),
             Event::MovingObstacles(shapes) => {
                 if self.moving.is_due(time) {
                     let scene = messages::obstacles(time, messages::MOVING, shapes);

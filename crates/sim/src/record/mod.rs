@@ -32,8 +32,8 @@ use thiserror::Error;
 
 pub use event::{
     BikeGeometry, CellState, ControlColumns, ControlSample, Event, GoalSample, GridSample,
-    LogLevel, MapEvent, NoticeKind, PathSample, PlanEvent, RidePhase, ScanSample, Shape,
-    StateColumns, StateSample,
+    LogLevel, MapEvent, NoticeKind, OrderSample, PathSample, PlanEvent, RidePhase, ScanSample,
+    Shape, StateColumns, StateSample,
 };
 pub use hash::{ResultHasher, sha256_hex};
 pub use mcap_recorder::McapRecorder;

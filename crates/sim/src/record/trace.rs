@@ -216,6 +216,7 @@ impl Recorder for Trace {
             // Where things stand and what is attached, the scenario says already.
             Event::Scan(_)
             | Event::Map(_)
+            | Event::Order(_)
             | Event::MovingObstacles(_)
             | Event::Attachment { .. } => {}
         }

@@ -21,7 +21,7 @@ use bikebot_world::{Bounds, Cell, Footprint, OccupancyGrid, World, WorldError};
 
 use super::belief::Belief;
 use super::params::OnlineParams;
-use super::status::{Cause, Halt, NewPath, Order, Status};
+use super::status::{Cause, Halt, NewPath, Order, Searched, Status};
 use super::sweep::{Covered, Sweep};
 
 /// Slower than this the bike stands, m/s: a noisy encoder is never still.
@@ -93,6 +93,8 @@ pub struct Navigator {
     rooms: [(Footprint, f64); 2],
     seed: u64,
     plans: u64,
+    /// The search made at this tick.
+    searched: Option<Searched>,
     route: Option<Route>,
     pending: Option<Route>,
     /// What the route was before.
@@ -167,6 +169,7 @@ impl Navigator {
             rooms: [(roomy, margin + task.online.plan_margin), (tight, 0.0)],
             seed: task.seed,
             plans: 0,
+            searched: None,
             route: None,
             pending: None,
             replaced: None,
@@ -219,7 +222,7 @@ impl Navigator {
                 status: Status::Halted(self.halt.unwrap_or(Halt::NoPath)),
                 is_emergency: false,
                 gives_up: self.halt,
-                searches: 0,
+                search: None,
             };
         };
         let length = route.curves.length();
@@ -229,7 +232,7 @@ impl Navigator {
         }
         let stood_for = motion.time - self.rest.1;
         let stands = motion.speed.abs() < STANDSTILL || stood_for > CREEPING;
-        let plans = self.plans;
+        self.searched = None;
         let path = self.take_over(motion, stands);
         let mut view = self.look();
         if stands
@@ -264,7 +267,7 @@ impl Navigator {
                 Status::Halted(halt) if stood_for >= self.online.give_up => Some(halt),
                 _ => None,
             },
-            searches: (self.plans - plans) as u32,
+            search: self.searched,
         }
     }
 

@@ -3,19 +3,37 @@
 use bikebot_geometry::{CurvePath, FergusonCurve};
 use bikebot_planner::replan::remainder;
 use bikebot_planner::{
-    Blockage, Budget, Decision, EndPose, Meter, MotionChecker, PlannerParams, PlanningProblem,
-    Previous, ReplanParams, lattice, replan,
+    Blockage, Budget, Decision, EndPose, Enough, Meter, MotionChecker, PlannerParams,
+    PlanningProblem, Previous, ReplanParams, lattice, replan,
 };
 use bikebot_world::Footprint;
 
 use super::{Motion, Navigator, Route, View, look};
-use crate::online::status::{Cause, Halt};
+use crate::online::status::{Cause, Halt, Searched};
 use crate::online::sweep::{Covered, Sweep};
 
 /// At rest a search may take so many times the iterations: nothing is in a hurry then.
 pub(super) const PATIENCE: u64 = 2;
 /// A last piece shorter than this is left out, m.
 const NO_PIECE: f64 = 1e-9;
+
+/// What is looked for.
+struct Query<'q> {
+    previous: Previous<'q>,
+    is_improvement: bool,
+    stands: bool,
+    /// Times the iterations that a search may take while riding.
+    patience: u64,
+    /// When the answer may be taken over, s.
+    ready: f64,
+}
+
+/// Nothing was found.
+struct InVain {
+    halt: Halt,
+    /// Nothing else needs to be tried.
+    is_settled: bool,
+}
 
 impl Navigator {
     /// A plan that leaves the route ahead of the bike.
@@ -27,9 +45,6 @@ impl Navigator {
         stands: bool,
     ) -> Result<Route, Halt> {
         self.plans += 1;
-        let seed = self
-            .seed
-            .wrapping_add(self.plans.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         self.belief.world();
         let Some(route) = &self.route else {
             return Err(Halt::NoPath);
@@ -42,17 +57,59 @@ impl Navigator {
         let at = reach
             .min(before(view.solid).min(before(view.unproved)).max(self.s))
             .min(old.length());
-        let previous = Previous {
-            curves: old,
-            now: self.s,
-            at,
+        let query = Query {
+            previous: Previous {
+                curves: old,
+                now: self.s,
+                at,
+            },
+            is_improvement,
+            stands,
+            patience: if stands { PATIENCE } else { 1 },
+            ready: motion.time + self.online.latency,
         };
-        let patience = if stands { PATIENCE } else { 1 };
-        let budget = Budget::of_iterations(self.online.iterations.saturating_mul(patience));
+        let mut over_poses = false;
+        let found = self.along_guides(&query).or_else(|vain| {
+            over_poses = !vain.is_settled;
+            let found = over_poses.then(|| self.over_poses(&query)).flatten();
+            found.ok_or(vain.halt)
+        });
+        self.searched = Some(Searched {
+            at,
+            at_rest: stands,
+            found: found.as_ref().ok().map(|route| route.cause),
+            over_poses,
+        });
+        found
+    }
+
+    /// By [`replan`]: round what blocks the path, or from nothing; with room to spare, or with none.
+    fn along_guides(&self, query: &Query<'_>) -> Result<Route, InVain> {
+        let Query {
+            previous,
+            is_improvement,
+            stands,
+            ..
+        } = *query;
+        let seed = self
+            .seed
+            .wrapping_add(self.plans.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+        // The first path that can be ridden is good enough: it is planned anew before long.
+        let budget = Budget {
+            enough: Some(Enough {
+                cost: f64::INFINITY,
+                settled: None,
+            }),
+            ..Budget::of_iterations(self.online.iterations.saturating_mul(query.patience))
+        };
         let replanning = ReplanParams {
             improve: is_improvement,
             gain: self.online.gain,
             detour: self.online.detour,
+        };
+        let settled = |halt| InVain {
+            halt,
+            is_settled: true,
         };
         let mut halt = Halt::BlockedAhead;
         for (index, (outline, margin)) in self.rooms.iter().enumerate() {
@@ -63,46 +120,30 @@ impl Navigator {
                 continue;
             };
             let cause = match found.decision {
+                _ if is_improvement && found.path.is_some() => Cause::Improved,
                 Decision::Repaired => Cause::Repaired,
                 Decision::Afresh => Cause::Afresh,
                 Decision::Improved => Cause::Improved,
-                Decision::Kept => return Err(halt),
+                Decision::Kept => return Err(settled(halt)),
                 Decision::Blocked { why, .. } => {
-                    let why = match why {
+                    halt = match why {
                         Blockage::Ahead => Halt::BlockedAhead,
                         Blockage::Goal => Halt::GoalBlocked,
                         Blockage::NoPath(reason) => reason.into(),
                     };
-                    halt = why;
                     continue;
                 }
             };
             let Some(new) = found.path else {
                 continue;
             };
-            if is_improvement && new.length() > (1.0 - self.online.gain) * (old.length() - at) {
-                return Err(halt);
+            let left = previous.curves.length() - previous.at;
+            if is_improvement && new.length() > (1.0 - self.online.gain) * left {
+                return Err(settled(halt));
             }
-            let Some(curves) = joined(old, at, &new) else {
-                continue;
-            };
-            let sweep = self.sweep(&curves, self.s);
-            if look(&sweep, self.s, &self.belief).solid.is_some() {
-                continue;
+            if let Some(route) = self.route_by(query, &new, cause, found.iterations, index > 0) {
+                return Ok(route);
             }
-            return Ok(Route {
-                curves,
-                sweep,
-                joint: at,
-                cause: if is_improvement {
-                    Cause::Improved
-                } else {
-                    cause
-                },
-                iterations: found.iterations,
-                is_tight: index > 0,
-                ready: motion.time + self.online.latency,
-            });
         }
         // A proof for the tighter outline is one for all.
         let is_proved = match halt {
@@ -110,33 +151,51 @@ impl Navigator {
             Halt::CurvatureInfeasible => !stands,
             _ => false,
         };
-        if is_proved || is_improvement {
-            return Err(halt);
-        }
+        Err(InVain {
+            halt,
+            is_settled: is_proved || is_improvement,
+        })
+    }
+
+    /// By search over poses and steering angles.
+    fn over_poses(&self, query: &Query<'_>) -> Option<Route> {
         let (outline, margin) = &self.rooms[1];
-        let start = previous.start();
-        let found = self.search_states(start, outline, *margin, patience);
+        let start = query.previous.start();
+        let found = self.search_states(start, outline, *margin, query.patience);
         // At rest nothing less than the bike itself is in the way.
         let found = found.or_else(|| {
-            stands
-                .then(|| self.search_states(start, &self.bike, 0.0, patience))
+            query
+                .stands
+                .then(|| self.search_states(start, &self.bike, 0.0, query.patience))
                 .flatten()
         });
-        let (new, states) = found.ok_or(halt)?;
-        let curves = joined(old, at, &new).ok_or(halt)?;
+        let (new, states) = found?;
+        self.route_by(query, &new, Cause::Afresh, states, true)
+    }
+
+    /// The old path as far as the query says, then `new`; `None` if something is on it.
+    fn route_by(
+        &self,
+        query: &Query<'_>,
+        new: &CurvePath,
+        cause: Cause,
+        iterations: u64,
+        is_tight: bool,
+    ) -> Option<Route> {
+        let curves = joined(query.previous.curves, query.previous.at, new)?;
         let sweep = self.sweep(&curves, self.s);
-        if look(&sweep, self.s, &self.belief).solid.is_some() {
-            return Err(halt);
-        }
-        Ok(Route {
-            curves,
-            sweep,
-            joint: at,
-            cause: Cause::Afresh,
-            iterations: states,
-            is_tight: true,
-            ready: motion.time + self.online.latency,
-        })
+        look(&sweep, self.s, &self.belief)
+            .solid
+            .is_none()
+            .then_some(Route {
+                curves,
+                sweep,
+                joint: query.previous.at,
+                cause,
+                iterations,
+                is_tight,
+                ready: query.ready,
+            })
     }
 
     /// A rough path by search over poses and steering angles, and the states it took.
