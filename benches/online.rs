@@ -4,10 +4,11 @@
 //! The rides are the shipped ones and random unknown fields (`ONLINE_RIDES` of them, 24 unless told), ridden once with a clock of the thread's
 //! processor time, which a busy machine disturbs least. Every search they make is a case: its time is that of the ride itself, cold caches, changed
 //! cells and all. Then worlds, paths and places of those searches are asked again by themselves. Beside the medians stand the
-//! tails. Baselines of the same run: cells entered beam by beam; the world built anew from the belief and a plan from nothing in it.
+//! tails. The baseline of the same run: the world built anew from the belief, and a plan from nothing in it.
 
 #![allow(clippy::print_stdout, reason = "a bench shows what it found")]
 
+use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::path::Path;
 
@@ -15,8 +16,8 @@ use bikebot::dynamics::{LaserParams, LaserScan, LaserScanner};
 use bikebot::geometry::{CurvePath, Point2, Pose2};
 use bikebot::mapping::{BeliefGrid, Mapper, MapperParams};
 use bikebot::planner::{
-    Budget, Decision, Enough, MotionChecker, PlannerParams, PlanningProblem, Previous,
-    ReplanParams, Validity, lattice, plan, replan,
+    Budget, Decision, EndPose, MotionChecker, PlannerParams, PlanningProblem, Previous, Replan,
+    ReplanParams, Validity, plan, replan,
 };
 use bikebot::sim::clock::SimTime;
 use bikebot::sim::online::{Cause, Searched};
@@ -54,14 +55,15 @@ fn timed<T>(work: impl FnOnce() -> T) -> (f64, T) {
 struct Times(Vec<f64>);
 
 impl Times {
-    fn print(mut self, name: &str) {
-        let count = self.0.len();
+    fn print(&self, name: &str) {
+        let mut times = self.0.clone();
+        let count = times.len();
         if count == 0 {
             println!("{name}: no case");
             return;
         }
-        self.0.sort_by(f64::total_cmp);
-        let share = |q: f64| 1e3 * self.0[((count - 1) as f64 * q).round() as usize];
+        times.sort_by(f64::total_cmp);
+        let share = |q: f64| 1e3 * times[((count - 1) as f64 * q).round() as usize];
         println!(
             "{name}: p50 {:.4} ms, p99 {:.4} ms, p99.9 {:.4} ms, worst {:.4} ms of {count}",
             share(0.5),
@@ -194,41 +196,30 @@ fn searches(c: &mut Criterion) {
         Times(found.map(|(_, took)| *took).collect())
     };
     of(&|_| true).print("  order with a search");
-    let quick = |search: &Searched| !search.over_poses;
+    let quick = |search: &Searched| !search.over_poses && !search.is_improvement;
     of(&|s| quick(s) && s.found == Some(Cause::Repaired)).print("  repaired");
     of(&|s| quick(s) && s.found == Some(Cause::Afresh)).print("  afresh");
-    of(&|s| quick(s) && s.found == Some(Cause::Improved)).print("  improved");
+    of(&|s| s.is_improvement).print("  a look for something better");
     of(&|s| s.over_poses && s.found.is_some()).print("  found over poses");
-    of(&|s| s.found.is_none() && !s.at_rest).print("  nothing found, riding");
-    of(&|s| s.found.is_none() && s.at_rest).print("  nothing found, at rest");
+    let in_vain = |s: &Searched| s.found.is_none() && !s.is_improvement;
+    of(&|s| in_vain(s) && !s.at_rest).print("  nothing found, riding");
+    of(&|s| in_vain(s) && s.at_rest).print("  nothing found, at rest");
 
     replay(&setups, &watch.situations, c);
 }
 
-/// A search asked again: with the room that is tried first, and then with none to spare.
-fn ask(
-    setup: &Setup,
-    situation: &Situation,
-    is_tight: bool,
-) -> Option<(bikebot::planner::Replan, f64)> {
+/// A search asked again, with the room that is tried first.
+fn ask(setup: &Setup, situation: &Situation) -> Option<(Replan, f64)> {
     let online = &setup.online.as_ref()?.params;
-    let (outline, margin) = if is_tight {
-        (setup.footprint.grown(online.tracking_allowance + 0.02), 0.0)
-    } else {
-        (
-            setup.planning_footprint.clone(),
-            setup.planner.margin + online.plan_margin,
-        )
-    };
     let problem = PlanningProblem {
         world: &situation.world,
-        footprint: outline,
+        footprint: setup.planning_footprint.clone(),
         start: setup.start_pose?,
         goal: setup.goal?,
         max_curvature: setup.planner.max_curvature,
     };
     let params = PlannerParams {
-        margin,
+        margin: setup.planner.margin + online.plan_margin,
         starts: online.starts,
         ..setup.planner.clone()
     };
@@ -242,59 +233,153 @@ fn ask(
         gain: online.gain,
         detour: online.detour,
     };
-    let budget = Budget {
-        enough: Some(Enough {
-            cost: f64::INFINITY,
-            settled: None,
-        }),
-        ..Budget::of_iterations(online.iterations)
-    };
+    let budget = Budget::of_iterations(online.iterations);
     let (took, answer) = timed(|| replan(&problem, &params, &replanning, &previous, 1, &budget));
     Some((answer.ok()?, took))
 }
 
+/// What the planner says of the path ahead in the world as it is believed, and the searches themselves; then everything by criterion, in turn.
 fn replay(setups: &[Setup], situations: &[Situation], c: &mut Criterion) {
-    let mut kinds: std::collections::BTreeMap<String, Times> = std::collections::BTreeMap::new();
-    for situation in situations {
+    let mut validity = Times::default();
+    let mut kinds: BTreeMap<&str, (Times, Vec<&Situation>)> = BTreeMap::new();
+    for situation in situations.iter().filter(|s| !s.search.is_improvement) {
         let setup = &setups[situation.ride];
-        for is_tight in [false, true] {
-            let Some((answer, took)) = ask(setup, situation, is_tight) else {
-                continue;
-            };
-            let room = if is_tight { "tight" } else { "roomy" };
-            let kind = match answer.decision {
-                Decision::Blocked { why, .. } => format!("{why:?}"),
-                other => format!("{other:?}"),
-            };
-            if std::env::var("ONLINE_CASES").is_ok() {
-                println!(
-                    "{} {room} {kind} {:.2} ms it {} left {:.1} trace {:?}",
-                    setup.name,
-                    1e3 * took,
-                    answer.iterations,
-                    situation.path.length() - situation.s,
-                    answer
-                        .trace
-                        .iter()
-                        .map(|t| format!("{:?}@{}:{:.1}", t.stage, t.iteration, t.length))
-                        .collect::<Vec<_>>()
-                        .join(" ")
-                );
-            }
-            kinds
-                .entry(format!("  {room}: {kind}"))
-                .or_default()
-                .0
-                .push(took);
-        }
+        let checker = checker(setup, situation);
+        black_box(Validity::of(&situation.path, situation.s, &checker));
+        validity
+            .0
+            .push(timed(|| black_box(Validity::of(&situation.path, situation.s, &checker))).0);
+        let Some((answer, took)) = ask(setup, situation) else {
+            continue;
+        };
+        let kind = match answer.decision {
+            Decision::Repaired => "  repaired",
+            Decision::Afresh => "  afresh",
+            _ => "  neither",
+        };
+        let (times, cases) = kinds.entry(kind).or_default();
+        times.0.push(took);
+        cases.push(situation);
     }
-    println!("asked again:");
-    for (kind, times) in kinds {
-        times.print(&kind);
+    println!("asked again by itself, with room to spare:");
+    validity.print("  the planner's validity of a path that is blocked");
+    for (kind, (times, _)) in &kinds {
+        times.print(kind);
     }
-    let group = c.benchmark_group("online");
+    let none = Vec::new();
+    let cases = |kind: &str| kinds.get(kind).map_or(&none, |(_, cases)| cases);
+    let mut group = c.benchmark_group("online");
+    group.sample_size(20);
+    for (name, kind) in [("repaired", "  repaired"), ("afresh", "  afresh")] {
+        let mut next = cases(kind).iter().cycle();
+        group.bench_function(name, |b| {
+            b.iter(|| next.next().map(|case| ask(&setups[case.ride], case)));
+        });
+    }
+    let mut next = cases("  repaired").iter().cycle();
+    group.bench_function("baseline_world_built_anew_and_a_plan", |b| {
+        b.iter(|| {
+            next.next()
+                .map(|case| from_nothing(&setups[case.ride], case))
+        });
+    });
     group.finish();
 }
 
-criterion_group!(benches, searches);
+fn checker<'w>(setup: &Setup, situation: &'w Situation) -> MotionChecker<'w> {
+    let resolution = setup.planner.clearance_resolution();
+    let margin = setup.planner.margin;
+    MotionChecker::new(
+        &situation.world,
+        &setup.planning_footprint,
+        margin,
+        resolution,
+    )
+}
+
+/// What it would take to keep nothing: no world, and no path.
+fn from_nothing(setup: &Setup, situation: &Situation) -> Option<usize> {
+    let grid = situation.world.grid()?.clone();
+    let obstacles = situation.world.obstacles().to_vec();
+    let world = World::build(situation.world.bounds(), obstacles, Some(grid)).ok()?;
+    let place = situation.path.at(situation.search.at);
+    let problem = PlanningProblem {
+        world: &world,
+        footprint: setup.planning_footprint.clone(),
+        start: EndPose::pose(place.position.x, place.position.y, place.heading)
+            .with_curvature(place.curvature),
+        goal: setup.goal?,
+        max_curvature: setup.planner.max_curvature,
+    };
+    let online = &setup.online.as_ref()?.params;
+    let budget = Budget::of_iterations(online.iterations);
+    let report = plan(&problem, &setup.planner, 1, &budget).ok()?;
+    Some(report.iterations as usize)
+}
+
+/// A walled field with posts and blocks, in which the beams of the ride below are 10 m long on average.
+fn field_of_posts() -> World {
+    let half = 9.7;
+    let disc = |x: f64, y: f64, radius: f64| Obstacle::Disc {
+        center: Point2::new(x, y),
+        radius,
+    };
+    let obstacles = vec![
+        disc(5.0, 4.0, 0.6),
+        disc(8.0, -3.5, 0.8),
+        disc(-7.0, 6.0, 1.0),
+        disc(1.0, -8.0, 0.5),
+        disc(-3.0, -6.0, 0.9),
+    ];
+    World::new(Bounds::new(-half, -half, half, half), obstacles).expect("a field")
+}
+
+/// Scans of a weaving ride, entered one by one: see `cargo bench -p bikebot-mapping` for the baseline.
+fn insertion(c: &mut Criterion) {
+    let (world, laser, params) = (
+        field_of_posts(),
+        LaserParams::default(),
+        MapperParams::default(),
+    );
+    let scanner = LaserScanner::new(&laser).expect("a laser");
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let scans: Vec<(LaserScan, Pose2, f64)> = (0..200)
+        .map(|i| {
+            let t = f64::from(i) / 200.0;
+            let pose = Pose2::new(-6.0 + 6.0 * t, 1.5 * (6.0 * t).sin(), (6.0 * t).cos());
+            let roll = 0.05 * (9.0 * t).sin();
+            (scanner.scan(&world, &pose, roll, &mut rng), pose, roll)
+        })
+        .collect();
+    let ranges = || {
+        scans
+            .iter()
+            .flat_map(|(scan, ..)| &scan.ranges)
+            .filter(|r| r.is_finite())
+    };
+    let mean = ranges().sum::<f64>() / ranges().count() as f64;
+    let belief = BeliefGrid::over(world.bounds(), params.cell).expect("a grid");
+    let outline = Footprint::bike();
+    let mut mapper = Mapper::new(&params, &laser, Some(&outline), belief).expect("a mapper");
+    let mut enter = |(scan, pose, roll): &(LaserScan, Pose2, f64)| {
+        mapper
+            .insert(scan, |_| (*pose, *roll))
+            .expect("a scan")
+            .len()
+    };
+    let mut times = Times::default();
+    for scan in scans.iter().cycle().take(10_000) {
+        times.0.push(timed(|| black_box(enter(scan))).0);
+    }
+    times.print(&format!("a scan of 1081 beams, {mean:.1} m on average"));
+    let mut group = c.benchmark_group("online");
+    group.throughput(Throughput::Elements(1081));
+    let mut next = scans.iter().cycle();
+    group.bench_function("scan_insertion", |b| {
+        b.iter(|| next.next().map(&mut enter));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, insertion, searches);
 criterion_main!(benches);

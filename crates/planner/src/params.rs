@@ -93,6 +93,10 @@ pub struct PlannerParams {
     /// Starts in vain after which "full" is content.
     #[schemars(range(min = 0, max = 1_000_000_000))]
     pub starts_without_gain: u32,
+    /// Most rounds of quadratic programmes for the curve along one guide. In the beliefs of online rides nearly all that succeed do so within
+    /// ten; the rest helps in thickets, and is what a search in vain takes longest over.
+    #[schemars(range(min = 1, max = 48))]
+    pub refine_rounds: u32,
     /// How BiRRT grows its second tree towards a new node of the first: `false` by one step, as the paper's row does; `true`
     /// until blocked, as in RRT-Connect.
     pub birrt_connect: bool,
@@ -250,6 +254,7 @@ impl Default for PlannerParams {
             guides: 5,
             starts: 1000,
             starts_without_gain: 32,
+            refine_rounds: 48,
             birrt_connect: false,
             tangent: TangentRule::ChordSec2,
             tangent_speed: 1.0,

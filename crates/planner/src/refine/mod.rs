@@ -138,6 +138,10 @@ pub fn apply(
         };
         let spline = Spline::along(&guide, segments, &refinement.ends);
         let spacing = guide.length() / segments as f64;
+        let most_rounds = most_rounds.min(params.refine_rounds.saturating_sub(course.rounds));
+        if most_rounds == 0 {
+            break;
+        }
         let best = refinement.run(spline, spacing, JERK_ROUNDS, most_rounds, &mut course);
         if let Some(best) = best {
             return Some(Refined {

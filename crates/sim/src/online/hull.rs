@@ -145,40 +145,104 @@ impl Posed {
             self.cos * d.y - self.sin * d.x,
         )
     }
+}
 
-    /// Whether it meets the unit square whose lower left corner is (x, y).
-    pub fn meets(&self, x: f64, y: f64) -> bool {
-        let radius = self.part.radius;
-        let centre = self.distance(Vector2::new(x + 0.5, y + 0.5));
-        // The disc in the square, and the disc around it, decide all but a ring.
-        if centre <= radius + 0.5 {
-            return true;
-        }
-        if centre > radius + std::f64::consts::FRAC_1_SQRT_2 {
-            return false;
-        }
-        // Of two convex polygons that do not meet, a corner of one is nearest to the other.
-        let of_square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-            .into_iter()
-            .map(|(dx, dy)| self.distance(Vector2::new(x + dx, y + dy)))
-            .fold(f64::INFINITY, f64::min);
-        if of_square <= radius {
-            return true;
-        }
-        let part = &self.part;
-        [
+/// The outline of a rounded box with the body at a place of the plane, ready to be cut into rows of unit squares.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Rim {
+    radius: f64,
+    /// Corners of the rectangle, the rear right one first.
+    corners: [[f64; 2]; 4],
+    /// How many corners differ: one of a disc, two of a capsule.
+    distinct: usize,
+    /// Its sides, moved out by the radius: from, to.
+    sides: [[[f64; 2]; 2]; 4],
+    side_count: usize,
+    /// Least and greatest y.
+    pub low: f64,
+    pub high: f64,
+}
+
+impl Rim {
+    pub fn of(posed: &Posed) -> Self {
+        let part = &posed.part;
+        let radius = part.radius;
+        let mut rim = Self {
+            radius,
+            ..Self::default()
+        };
+        let ways = [
             (part.rear, part.right),
             (part.front, part.right),
             (part.front, part.left),
             (part.rear, part.left),
-        ]
-        .into_iter()
-        .any(|(bx, by)| {
-            let corner = self.out(bx, by);
-            let dx = (x - corner.x).max(corner.x - x - 1.0).max(0.0);
-            let dy = (y - corner.y).max(corner.y - y - 1.0).max(0.0);
-            dx.hypot(dy) <= radius
-        })
+        ];
+        for (i, &(x, y)) in ways.iter().enumerate() {
+            let corner = posed.out(x, y);
+            if !ways[..i].contains(&(x, y)) {
+                rim.corners[rim.distinct] = [corner.x, corner.y];
+                rim.distinct += 1;
+            }
+            let (to_x, to_y) = ways[(i + 1) % 4];
+            let (dx, dy) = (to_x - x, to_y - y);
+            if dx != 0.0 || dy != 0.0 {
+                // The outward normal of a side that goes round counter-clockwise.
+                let (nx, ny) = (radius * dy.signum() * f64::from(dx == 0.0), {
+                    -radius * dx.signum() * f64::from(dy == 0.0)
+                });
+                let from = posed.out(x + nx, y + ny);
+                let to = posed.out(to_x + nx, to_y + ny);
+                rim.sides[rim.side_count] = [[from.x, from.y], [to.x, to.y]];
+                rim.side_count += 1;
+            }
+        }
+        let heights = rim.corners[..rim.distinct].iter().map(|corner| corner[1]);
+        (rim.low, rim.high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| {
+            (low.min(y), high.max(y))
+        });
+        rim.low -= radius;
+        rim.high += radius;
+        rim
+    }
+
+    /// Least and greatest x of what lies between the heights `y` and `y` + 1; `None` if nothing does.
+    ///
+    /// The rim is made of arcs about the corners and of the sides moved out. All of these belong to the outline, which is convex, so what lies
+    /// farthest to either side in the row is on one of them.
+    pub fn row(&self, y: f64) -> Option<(f64, f64)> {
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        for [cx, cy] in &self.corners[..self.distinct] {
+            let off = cy.clamp(y, y + 1.0) - cy;
+            let square = self.radius * self.radius - off * off;
+            if square >= 0.0 {
+                let half = square.sqrt();
+                least = least.min(cx - half);
+                most = most.max(cx + half);
+            }
+        }
+        for [[ax, ay], [bx, by]] in &self.sides[..self.side_count] {
+            let (low, high) = (y.max(ay.min(*by)), (y + 1.0).min(ay.max(*by)));
+            if low > high {
+                continue;
+            }
+            let rise = by - ay;
+            let at = |h: f64| {
+                if rise == 0.0 {
+                    *ax
+                } else {
+                    ax + (bx - ax) * ((h - ay) / rise)
+                }
+            };
+            // A level side is all in one row.
+            let ends = if rise == 0.0 {
+                [*ax, *bx]
+            } else {
+                [at(low), at(high)]
+            };
+            least = least.min(ends[0].min(ends[1]));
+            most = most.max(ends[0].max(ends[1]));
+        }
+        (least <= most).then_some((least, most))
     }
 }
 
@@ -207,7 +271,8 @@ mod tests {
             let pose = Pose2::new(x, y, heading);
             let clearance = world.footprint_clearance(&outline, &pose);
             let meets = RoundedBox::of(&outline, 0.0).into_iter().any(|part| {
-                Posed::new(part, Vector2::new(x, y), heading.sin_cos()).meets(0.0, 0.0)
+                let rim = Rim::of(&Posed::new(part, Vector2::new(x, y), heading.sin_cos()));
+                rim.row(0.0).is_some_and(|(least, most)| least <= 1.0 && most >= 0.0)
             });
             // Rounding decides only where they just touch.
             prop_assume!(clearance.abs() > 1e-9);

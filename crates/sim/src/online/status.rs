@@ -128,6 +128,8 @@ pub struct Searched {
     pub at: f64,
     /// Whether the bike was at rest: then more is tried.
     pub at_rest: bool,
+    /// Whether the present path was free, and something better was looked for.
+    pub is_improvement: bool,
     /// What was found.
     pub found: Option<Cause>,
     /// Whether that took a search over poses and steering angles, or would have.

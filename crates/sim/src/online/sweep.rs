@@ -11,12 +11,12 @@
 use bikebot_geometry::{CurvePath, FergusonCurve};
 use bikebot_world::{Footprint, OccupancyGrid};
 
-use super::hull::{Posed, RoundedBox};
+use super::hull::{Posed, Rim, RoundedBox};
 
 /// Spacing of the places at which the outline is put down, m.
 const STEP: f64 = 0.02;
-/// Two stretches that lie this near together are one, m: far above rounding.
-const TOGETHER: f64 = 1e-6;
+/// What rounding may take off an outline, in cells.
+const ROUNDING: f64 = 1e-9;
 /// In place of a cell: beyond the edge of the grid.
 pub(crate) const OUTSIDE: u32 = u32::MAX;
 
@@ -27,8 +27,42 @@ pub(crate) struct Covered {
     pub cell: u32,
     /// Arc length at which the outline reaches it, m.
     pub first: f64,
-    /// Arc length at which it has left it, m.
-    last: f64,
+}
+
+/// The cells under one part of the outline at one place: of each row from the first on, the first column and one past the last.
+#[derive(Debug, Clone, Default)]
+struct Shadow {
+    first_row: usize,
+    rows: Vec<[u32; 2]>,
+}
+
+impl Shadow {
+    /// Of the outline within `rim`, on a grid of so many cells.
+    fn cast(&mut self, rim: &Rim, width: usize, height: usize) {
+        // Casts saturate: what is off the grid is no cell of it.
+        self.first_row = (rim.low - ROUNDING) as usize;
+        let end = ((rim.high + ROUNDING).floor().max(-1.0) + 1.0) as usize;
+        self.rows.clear();
+        for row in self.first_row..end.min(height) {
+            let span = rim.row(row as f64).map(|(least, most)| {
+                let past = (most + ROUNDING).floor().max(-1.0) + 1.0;
+                [(least - ROUNDING) as u32, (past as u32).min(width as u32)]
+            });
+            self.rows.push(span.unwrap_or([0, 0]));
+        }
+    }
+
+    fn row(&self, row: usize) -> [u32; 2] {
+        row.checked_sub(self.first_row)
+            .and_then(|k| self.rows.get(k))
+            .copied()
+            .unwrap_or([0, 0])
+    }
+
+    fn holds(&self, row: usize, column: u32) -> bool {
+        let [begin, end] = self.row(row);
+        (begin..end).contains(&column)
+    }
 }
 
 /// All cells that a ride covers, in the order in which it reaches them.
@@ -47,76 +81,77 @@ impl Sweep {
         frame: &OccupancyGrid,
     ) -> Self {
         let mut covered: Vec<Covered> = Vec::new();
-        // Of each cell the entry it was listed in last.
-        let mut entries = vec![u32::MAX; frame.width * frame.height];
-        let mut outside = usize::MAX;
+        let (width, height) = (frame.width, frame.height);
         let curvatures: Vec<f64> = path
             .segments()
             .iter()
             .map(FergusonCurve::max_curvature)
             .collect();
         let body = RoundedBox::of(outline, allowance);
+        // Where each part was one place before, and is now.
+        let mut before = vec![Shadow::default(); body.len()];
+        let mut now = before.clone();
+        let mut was_outside = false;
+        let (mut tail, mut head) = (path.locate(from).0, 0);
         let steps = ((path.length() - from) / STEP).ceil().max(1.0) as usize;
         for k in 0..=steps {
             let s = (from + k as f64 * STEP).min(path.length());
             let (begin, end) = ((s - 0.5 * STEP).max(from), s + 0.5 * STEP);
             let place = path.at(s);
-            let (first, last) = (path.locate(begin).0, path.locate(end).0);
-            let curvature = curvatures[first..=last].iter().copied().fold(0.0, f64::max);
+            while tail + 1 < curvatures.len() && path.segment_start(tail + 1) <= begin {
+                tail += 1;
+            }
+            head = head.max(tail);
+            while head + 1 < curvatures.len() && path.segment_start(head + 1) <= end {
+                head += 1;
+            }
+            let curvature = curvatures[tail..=head].iter().copied().fold(0.0, f64::max);
             let origin = frame.to_cell_coordinates(place.position);
             let turned = (place.heading - frame.origin.heading).sin_cos();
-            for part in &body {
+            let mut is_outside = false;
+            for (index, part) in body.iter().enumerate() {
                 let part = RoundedBox {
                     radius: part.radius + 0.5 * STEP * part.speed_bound(curvature),
                     ..*part
                 };
                 let posed = Posed::new(part.scaled(frame.resolution.recip()), origin, turned);
                 let [left, right, low, high] = posed.extent();
-                let (width, height) = (frame.width as f64, frame.height as f64);
                 // Not a number is outside as well.
-                let is_inside = left >= 0.0 && low >= 0.0 && right <= width && high <= height;
-                if !is_inside {
-                    match covered
-                        .get_mut(outside)
-                        .filter(|entry| entry.last >= begin - TOGETHER)
-                    {
-                        Some(entry) => entry.last = end,
-                        None => {
-                            outside = covered.len();
+                let is_inside =
+                    left >= 0.0 && low >= 0.0 && right <= width as f64 && high <= height as f64;
+                is_outside |= !is_inside;
+                now[index].cast(&Rim::of(&posed), width, height);
+                let (earlier, this) = now.split_at(index);
+                let this = &this[0];
+                for (row, &[begin_column, end_column]) in (this.first_row..).zip(this.rows.iter()) {
+                    let [a, b] = before[index].row(row);
+                    // What this part has not covered one place before, on either side of what it has.
+                    let (a, b) = if a < b {
+                        (a, b)
+                    } else {
+                        (end_column, end_column)
+                    };
+                    let new =
+                        (begin_column..end_column.min(a)).chain(begin_column.max(b)..end_column);
+                    for column in new {
+                        let is_known = |shadow: &Shadow| shadow.holds(row, column);
+                        if !earlier.iter().any(is_known) && !before.iter().any(is_known) {
                             covered.push(Covered {
-                                cell: OUTSIDE,
+                                cell: (row * width) as u32 + column,
                                 first: begin,
-                                last: end,
                             });
                         }
                     }
                 }
-                // Casts saturate: what is off the grid is no cell of it.
-                let columns = left as usize..(right.ceil() as usize).min(frame.width);
-                for y in low as usize..(high.ceil() as usize).min(frame.height) {
-                    for x in columns.clone() {
-                        if !posed.meets(x as f64, y as f64) {
-                            continue;
-                        }
-                        let cell = y * frame.width + x;
-                        let entry = entries[cell] as usize;
-                        match covered
-                            .get_mut(entry)
-                            .filter(|entry| entry.last >= begin - TOGETHER)
-                        {
-                            Some(entry) => entry.last = end,
-                            None => {
-                                entries[cell] = covered.len() as u32;
-                                covered.push(Covered {
-                                    cell: cell as u32,
-                                    first: begin,
-                                    last: end,
-                                });
-                            }
-                        }
-                    }
-                }
             }
+            if is_outside && !was_outside {
+                covered.push(Covered {
+                    cell: OUTSIDE,
+                    first: begin,
+                });
+            }
+            was_outside = is_outside;
+            std::mem::swap(&mut before, &mut now);
         }
         Self { covered }
     }

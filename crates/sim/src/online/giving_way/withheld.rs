@@ -8,6 +8,7 @@
 
 use std::collections::BTreeMap;
 
+use bikebot_geometry::{Point2, Vector2};
 use bikebot_mapping::Track;
 use bikebot_world::{Cell, OccupancyGrid};
 
@@ -29,6 +30,34 @@ struct Moving {
     id: u64,
     /// When it was last fast enough, s.
     last: f64,
+}
+
+/// Where something is that may move.
+#[derive(Debug, Clone, Copy)]
+struct Sight {
+    id: u64,
+    /// When it was seen, s.
+    time: f64,
+    position: Point2,
+    velocity: Vector2,
+    radius: f64,
+}
+
+impl Sight {
+    fn of(track: &Track) -> Self {
+        Self {
+            id: track.id(),
+            time: track.time(),
+            position: track.position(),
+            velocity: track.velocity(),
+            radius: track.radius(),
+        }
+    }
+
+    fn is_over(&self, p: Point2, time: f64) -> bool {
+        let centre = self.position + self.velocity * (time - self.time);
+        (centre - p).norm() <= self.radius + BESIDE
+    }
 }
 
 /// Stands between mapper and navigator.
@@ -68,19 +97,27 @@ impl Withheld {
         tracks: impl Iterator<Item = &'t Track>,
         now: f64,
     ) -> &[Change] {
+        let tracks: Vec<Sight> = tracks.map(Sight::of).collect();
+        self.tell_among(changes, belief, &tracks, now)
+    }
+
+    fn tell_among(
+        &mut self,
+        changes: &[Change],
+        belief: &OccupancyGrid,
+        tracks: &[Sight],
+        now: f64,
+    ) -> &[Change] {
         self.answer.clear();
-        let tracks: Vec<&Track> = tracks.collect();
-        self.watch(&tracks, now);
-        let moving: Vec<&Track> = tracks
-            .into_iter()
-            .filter(|track| self.moving.iter().any(|moving| moving.id == track.id()))
+        self.watch(tracks, now);
+        let moving: Vec<&Sight> = tracks
+            .iter()
+            .filter(|track| self.moving.iter().any(|moving| moving.id == track.id))
             .collect();
         let width = belief.width;
         let is_under = |cell: usize, time: f64| {
             let centre = belief.cell_centre(cell % width, cell / width);
-            moving
-                .iter()
-                .any(|track| (track.position_at(time) - centre).norm() <= track.radius() + BESIDE)
+            moving.iter().any(|track| track.is_over(centre, time))
         };
         for &(x, y, cell) in changes {
             let index = y * width + x;
@@ -141,19 +178,168 @@ impl Withheld {
     }
 
     /// Notes which tracks move.
-    fn watch(&mut self, tracks: &[&Track], now: f64) {
+    fn watch(&mut self, tracks: &[Sight], now: f64) {
         let (least, rest_after) = (self.least_speed, self.rest_after);
         self.moving = tracks
             .iter()
             .filter_map(|track| {
-                let before = self.moving.iter().find(|moving| moving.id == track.id());
-                let is_fast = track.velocity().norm() > least;
+                let before = self.moving.iter().find(|moving| moving.id == track.id);
+                let is_fast = track.velocity.norm() > least;
                 let last = if is_fast { now } else { before?.last };
-                (now - last <= rest_after).then_some(Moving {
-                    id: track.id(),
-                    last,
-                })
+                (now - last <= rest_after).then_some(Moving { id: track.id, last })
             })
             .collect();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bikebot_geometry::Pose2;
+
+    const LEAST: f64 = 0.25;
+
+    /// A free field with unknown cells in its last column.
+    fn field() -> OccupancyGrid {
+        let mut grid =
+            OccupancyGrid::filled(40, 20, 0.1, Pose2::new(0.0, 0.0, 0.0), Cell::Free).unwrap();
+        for y in 0..20 {
+            grid.set(39, y, Cell::Unknown);
+        }
+        grid
+    }
+
+    fn withheld(grid: &OccupancyGrid) -> Withheld {
+        Withheld::new(&GivingWayParams::default(), LEAST, grid)
+    }
+
+    fn at(x: f64, vx: f64, time: f64) -> Sight {
+        Sight {
+            id: 7,
+            time,
+            position: Point2::new(x, 1.0),
+            velocity: Vector2::new(vx, 0.0),
+            radius: 0.2,
+        }
+    }
+
+    /// Writes a change into the belief and says it.
+    fn told(
+        withheld: &mut Withheld,
+        grid: &mut OccupancyGrid,
+        changes: &[Change],
+        tracks: &[Sight],
+        now: f64,
+    ) -> Vec<Change> {
+        for &(x, y, cell) in changes {
+            grid.set(x, y, cell);
+        }
+        withheld.tell_among(changes, grid, tracks, now).to_vec()
+    }
+
+    #[test]
+    fn what_lies_under_a_mover_is_withheld_and_all_else_is_told() {
+        let mut grid = field();
+        let mut withheld = withheld(&grid);
+        let under = (10, 10, Cell::Occupied);
+        let (away, unknown) = ((25, 10, Cell::Occupied), (39, 10, Cell::Occupied));
+        let mover = at(1.05, 1.0, 0.0);
+        let changes = [under, away, unknown];
+        let answer = told(&mut withheld, &mut grid, &changes, &[mover], 0.0);
+        assert_eq!(answer, [away, unknown]);
+        // What was never free is told even under a mover: it hides nothing that could be ridden over.
+        let over_the_unknown = at(3.9, 1.0, 0.1);
+        let freed = (39, 11, Cell::Occupied);
+        let answer = told(&mut withheld, &mut grid, &[freed], &[over_the_unknown], 0.1);
+        assert_eq!(answer, [freed]);
+    }
+
+    #[test]
+    fn a_trail_that_clears_is_never_heard_of() {
+        let mut grid = field();
+        let mut withheld = withheld(&grid);
+        let hit = [(10, 10, Cell::Occupied)];
+        assert!(told(&mut withheld, &mut grid, &hit, &[at(1.05, 1.0, 0.0)], 0.0).is_empty());
+        // Gone on by more than its radius; the mapper says unknown, then free.
+        let doubtful = [(10, 10, Cell::Unknown)];
+        let gone = [at(1.85, 1.0, 0.8)];
+        assert!(told(&mut withheld, &mut grid, &doubtful, &gone, 0.8).is_empty());
+        let free = [(10, 10, Cell::Free)];
+        assert!(told(&mut withheld, &mut grid, &free, &gone, 0.9).is_empty());
+        for k in 0..40 {
+            let now = 1.0 + 0.1 * f64::from(k);
+            assert!(told(&mut withheld, &mut grid, &[], &[], now).is_empty());
+        }
+    }
+
+    #[test]
+    fn what_stays_behind_is_told_when_its_time_is_over() {
+        let mut grid = field();
+        let mut withheld = withheld(&grid);
+        let hit = [(10, 10, Cell::Occupied)];
+        told(&mut withheld, &mut grid, &hit, &[at(1.05, 1.0, 0.0)], 0.0);
+        let mut first = None;
+        for k in 1..40 {
+            let now = 0.05 * f64::from(k);
+            let mover = at(1.05 + now, 1.0, now);
+            if !told(&mut withheld, &mut grid, &[], &[mover], now).is_empty() {
+                first = Some(now);
+                break;
+            }
+        }
+        // It is over the cell until its rim and what hits may lie beside it have passed, 0.55 m on; then a trail's time.
+        let first = first.expect("it is told");
+        assert!((first - (0.55 + TRAIL)).abs() < 0.11, "{first}");
+    }
+
+    #[test]
+    fn what_has_come_to_rest_is_told_after_its_time_of_rest() {
+        let mut grid = field();
+        let mut withheld = withheld(&grid);
+        let rest_after = GivingWayParams::default().rest_after;
+        let hit = [(10, 10, Cell::Occupied)];
+        told(&mut withheld, &mut grid, &hit, &[at(1.05, 1.0, 0.0)], 0.0);
+        let mut first = None;
+        for k in 1..100 {
+            let now = 0.05 * f64::from(k);
+            let standing = at(1.05, 0.1, now);
+            let answer = told(&mut withheld, &mut grid, &[], &[standing], now);
+            if !answer.is_empty() {
+                assert_eq!(answer, hit);
+                first = Some(now);
+                break;
+            }
+        }
+        let first = first.expect("it is told");
+        assert!((first - (rest_after + TRAIL)).abs() < 0.11, "{first}");
+    }
+
+    #[test]
+    fn what_was_told_before_anybody_knew_that_it_moves_is_taken_back() {
+        let mut grid = field();
+        let mut withheld = withheld(&grid);
+        let hit = [(10, 10, Cell::Occupied)];
+        assert_eq!(told(&mut withheld, &mut grid, &hit, &[], 0.0), hit);
+        let answer = told(&mut withheld, &mut grid, &[], &[at(1.25, 1.0, 0.2)], 0.2);
+        assert_eq!(answer, [(10, 10, Cell::Free)]);
+        // But not what was told long before.
+        let hit = [(20, 10, Cell::Occupied)];
+        assert_eq!(told(&mut withheld, &mut grid, &hit, &[], 1.0), hit);
+        let late = 1.0 + TAKEN_BACK + 0.1;
+        let mover = [at(2.05, 1.0, late)];
+        assert!(
+            told(&mut withheld, &mut grid, &[], &mover, late)
+                .iter()
+                .all(|change| (change.0, change.1) != (20, 10))
+        );
+    }
+
+    #[test]
+    fn who_stands_hides_nothing() {
+        let mut grid = field();
+        let mut withheld = withheld(&grid);
+        let hit = [(10, 10, Cell::Occupied)];
+        let standing = [at(1.05, 0.9 * LEAST, 0.0)];
+        assert_eq!(told(&mut withheld, &mut grid, &hit, &standing, 0.0), hit);
     }
 }

@@ -35,8 +35,9 @@ const HERE: f64 = 0.65;
 const DOUBTED: f64 = 0.5;
 /// Searches in vain at one place before the bike goes on to the next.
 const IN_VAIN: u32 = 3;
-/// A search that has failed while standing is repeated so many periods later: only a change in the map, or another seed, can help.
-const STANDING_PERIODS: f64 = 5.0;
+/// A search that has failed while standing is repeated so many periods later, then more: only a change in the map, or another seed, can help. (That
+/// what blocks the path goes away is seen without a search.)
+const STANDING_PERIODS: [f64; 3] = [5.0, 10.0, 20.0];
 /// Beyond what the bike's outline is grown by in the proof of free space, the tighter of the two plans keeps this, m: the steps of the proof.
 const PROOF_STEPS: f64 = 0.02;
 /// A path with less than this to go is not improved, m.
@@ -115,6 +116,8 @@ pub struct Navigator {
     brakes_hard: bool,
     /// Where the bike has been last when it had moved on, m, and when, s.
     rest: (f64, f64),
+    /// Where it was at rest when searches failed, m, and how many had failed there before the last.
+    in_vain_here: (f64, usize),
 }
 
 /// A path with what it covers.
@@ -183,6 +186,7 @@ impl Navigator {
             searches_in_vain: 0,
             brakes_hard: false,
             rest: (0.0, 0.0),
+            in_vain_here: (f64::NAN, 0),
         })
     }
 
@@ -341,7 +345,7 @@ impl Navigator {
                     .is_some_and(|place| self.belief.is_doubted(place.cell));
                 self.halt = Some(if is_doubt { Halt::UnknownAhead } else { halt });
                 self.searches_in_vain += 1;
-                let periods = if stands { STANDING_PERIODS } else { 1.0 };
+                let periods = if stands { self.standing_periods() } else { 1.0 };
                 self.next_search = motion.time + periods * self.online.search_period;
                 self.brake(motion);
                 let proved = view.unproved.map_or(f64::INFINITY, |place| place.first)
@@ -353,6 +357,17 @@ impl Navigator {
                 }
             }
         }
+    }
+
+    /// How many periods to wait for the next search at rest.
+    fn standing_periods(&mut self) -> f64 {
+        let here = self.rest.0;
+        let count = match self.in_vain_here {
+            (place, count) if place == here => count + 1,
+            _ => 0,
+        };
+        self.in_vain_here = (here, count);
+        STANDING_PERIODS[count.min(STANDING_PERIODS.len() - 1)]
     }
 
     /// The route is free; is another one clearly better?

@@ -3,8 +3,8 @@
 use bikebot_geometry::{CurvePath, FergusonCurve};
 use bikebot_planner::replan::remainder;
 use bikebot_planner::{
-    Blockage, Budget, Decision, EndPose, Enough, Meter, MotionChecker, PlannerParams,
-    PlanningProblem, Previous, ReplanParams, lattice, replan,
+    Blockage, Budget, Decision, EndPose, Meter, MotionChecker, PlannerParams, PlanningProblem,
+    Previous, ReplanParams, lattice, replan,
 };
 use bikebot_world::Footprint;
 
@@ -77,6 +77,7 @@ impl Navigator {
         self.searched = Some(Searched {
             at,
             at_rest: stands,
+            is_improvement,
             found: found.as_ref().ok().map(|route| route.cause),
             over_poses,
         });
@@ -94,14 +95,7 @@ impl Navigator {
         let seed = self
             .seed
             .wrapping_add(self.plans.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-        // The first path that can be ridden is good enough: it is planned anew before long.
-        let budget = Budget {
-            enough: Some(Enough {
-                cost: f64::INFINITY,
-                settled: None,
-            }),
-            ..Budget::of_iterations(self.online.iterations.saturating_mul(query.patience))
-        };
+        let budget = Budget::of_iterations(self.online.iterations.saturating_mul(query.patience));
         let replanning = ReplanParams {
             improve: is_improvement,
             gain: self.online.gain,
