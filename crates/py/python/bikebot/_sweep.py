@@ -75,8 +75,8 @@ class Table(Mapping[str, npt.NDArray[Any]]):
     """Columns by name, each an array with an entry for each row: a mapping.
 
     >>> table = Table({"seed": np.array([1, 2]), "passed": np.array([True, False])})
-    >>> table["passed"].mean(), len(table), table.rows
-    (np.float64(0.5), 2, 2)
+    >>> float(table["passed"].mean()), len(table), table.rows
+    (0.5, 2, 2)
     >>> table.row(1)
     {'seed': 2, 'passed': False}
     """
