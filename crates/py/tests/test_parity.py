@@ -127,3 +127,12 @@ def test_both_verify_a_plan_of_the_other(program, tmp_path):
     certificate = bikebot.verify(read, world)
     assert certificate.holds, (certificate.violations, certificate.mismatches)
     assert read.result_hash == json.loads(other.read_text())["result_hash"]
+
+
+def test_both_record_at_the_rates_of_the_scenario(program, tmp_path):
+    there, here = tmp_path / "there.mcap", tmp_path / "here.mcap"
+    path = SCENARIOS / "fig7.toml"
+    told(program, "run", str(path), "--set", "record.state_hz=10", "--json", "-o", str(there))
+    bikebot.Scenario.load(path).with_(record={"state_hz": 10.0}).run(record=here)
+    slow, same = (bikebot.read_log(log).trace["time_s"] for log in (there, here))
+    assert len(slow) == len(same) and 0.09 < float(slow[1] - slow[0]) < 0.11
