@@ -1,6 +1,7 @@
 //! Whether a ride could have been stopped safely at each tick, judged by code that shares nothing with the navigator.
 
 use bikebot_geometry::{Point2, Pose2};
+use bikebot_planner::EndPose;
 use bikebot_world::{Cell, Footprint, OccupancyGrid};
 
 use crate::clock::SimTime;
@@ -17,10 +18,25 @@ const SPACING: f64 = 0.1;
 const BEYOND: f64 = 1.0;
 pub(super) const BLOCK: f64 = 0.8;
 
+/// A block that comes to stand on the way.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Surprise {
+    /// When, s.
+    pub(super) time: f64,
+    /// Its middle, m.
+    pub(super) place: Point2,
+    /// How the bike is met by it.
+    pub(super) from: EndPose,
+    /// Way ridden until then, m.
+    pub(super) ridden: f64,
+}
+
 /// Watches a ride, and whether it could have been stopped safely at each tick.
 pub struct BrakingCheck<'s> {
     setup: &'s Setup,
     path: Vec<Pose2>,
+    /// Of the path at the same places, 1/m.
+    curvatures: Vec<f64>,
     belief: Option<OccupancyGrid>,
     /// Index of the bike on the path.
     at: usize,
@@ -28,8 +44,8 @@ pub struct BrakingCheck<'s> {
     last: Option<Point2>,
     /// Way after which to say where a surprise would stand, m.
     pub(super) look_out_after: f64,
-    /// When, s, and where.
-    pub(super) surprise: Option<(f64, Point2)>,
+    /// Where it would stand, and how the bike is met by it.
+    pub(super) surprise: Option<Surprise>,
     pub(super) unsafe_ticks: u64,
     pub(super) unproved_ticks: u64,
     pub(super) emergencies: u64,
@@ -46,6 +62,7 @@ impl<'s> BrakingCheck<'s> {
         Self {
             setup,
             path: Vec::new(),
+            curvatures: Vec::new(),
             belief: None,
             at: 0,
             distance: 0.0,
@@ -101,7 +118,16 @@ impl<'s> BrakingCheck<'s> {
             let ahead = braking + front + BEYOND + 0.5 * BLOCK;
             let index = self.at + (ahead / STEP) as usize;
             if index + 60 < self.path.len() {
-                self.surprise = Some((time, self.path[index].position));
+                self.surprise = Some(Surprise {
+                    time,
+                    place: self.path[index].position,
+                    from: EndPose {
+                        position: pose.position,
+                        heading: Some(pose.heading),
+                        curvature: Some(self.curvatures[self.at]),
+                    },
+                    ridden: self.distance,
+                });
             } else {
                 self.look_out_after = f64::INFINITY;
             }
@@ -183,11 +209,13 @@ impl Recorder for BrakingCheck<'_> {
             Event::Plan(plan) => {
                 // Joints of the curves come in between: spaced evenly again.
                 self.path.clear();
+                self.curvatures.clear();
                 let mut next = 0.0;
                 for sample in plan.path {
                     while sample.s >= next - 1e-9 {
                         self.path
                             .push(Pose2::new(sample.x, sample.y, sample.heading));
+                        self.curvatures.push(sample.curvature);
                         next += STEP;
                     }
                 }

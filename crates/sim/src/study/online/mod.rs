@@ -10,7 +10,8 @@ mod cases;
 mod table;
 
 use bikebot_planner::{
-    Budget, EndPose, Outcome, PlannedPath, PlannerParams, PlanningProblem, plan,
+    Budget, EndPose, Meter, MotionChecker, Outcome, PlannedPath, PlannerParams, PlanningProblem,
+    lattice, plan,
 };
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -27,11 +28,12 @@ pub use braking_check::BrakingCheck;
 pub use cases::{Case, MODES, SIDE, corridor, field, on_map};
 pub use table::{Summary, markdown, summaries};
 
-use braking_check::BLOCK;
+use braking_check::{BLOCK, Surprise};
 use cases::unit;
 
-/// Iterations of a plan with full knowledge.
+/// Iterations of a plan with full knowledge, and states of the search after it.
 const KNOWING: u64 = 60_000;
+const STATES: u64 = 400_000;
 
 /// What one ride came to.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -40,7 +42,8 @@ pub struct Row {
     pub suite: String,
     /// What it was made from.
     pub seed: u64,
-    /// Length of the path that is planned with full knowledge, m; absent where there is none.
+    /// Length of the way with full knowledge, m; absent where there is none. A block that comes to stand on the way is known from the moment on
+    /// in which it does: what was ridden until then, and the way from there.
     pub known_length_m: Option<f64>,
     /// How it ended.
     pub outcome: RunOutcome,
@@ -83,6 +86,7 @@ pub fn ride_all(cases: &[Case], read: Read<'_>) -> Result<Vec<Row>, String> {
 /// What is wrong with the scenario.
 pub fn ride(case: &Case, read: Read<'_>) -> Result<Row, String> {
     let mut text = case.text.clone();
+    let mut met = None;
     if case.has_surprise {
         let mut rng = ChaCha8Rng::seed_from_u64(case.seed ^ 0x5A5A);
         let after = 4.0 + 14.0 * unit(&mut rng);
@@ -90,7 +94,8 @@ pub fn ride(case: &Case, read: Read<'_>) -> Result<Row, String> {
         let mut check = BrakingCheck::new(&setup);
         check.look_out_after = after;
         play(&setup, &mut check)?;
-        if let Some((time, place)) = check.surprise {
+        met = check.surprise;
+        if let Some(Surprise { time, place, .. }) = met {
             let _ = write!(
                 text,
                 "[[obstacle]]\nshape = \"box:{BLOCK}x{BLOCK}\"\nwaypoints_m = [[{}, {}]]\nappear_s = {time}\nhidden = true\n",
@@ -99,7 +104,15 @@ pub fn ride(case: &Case, read: Read<'_>) -> Result<Row, String> {
         }
     }
     let setup = resolve(&text, read)?;
-    let known_length = with_full_knowledge(&setup);
+    let start = setup.start_pose.map(|start| EndPose {
+        curvature: Some(0.0),
+        ..start
+    });
+    // What could not be known before it was there is known from then on.
+    let (start, ridden) = met.map_or((start, 0.0), |met| (Some(met.from), met.ridden));
+    let known_length = start
+        .and_then(|start| with_full_knowledge(&setup, start))
+        .map(|length| ridden + length);
     let mut check = BrakingCheck::new(&setup);
     check.two_sides_of = case.two_sides_of;
     let report = play(&setup, &mut check)?;
@@ -135,8 +148,11 @@ fn play(setup: &Setup, check: &mut BrakingCheck<'_>) -> Result<crate::RunReport,
     run(setup, check, control).map_err(|error| format!("{}: {error}", setup.name))
 }
 
-/// Length of the path that the planner finds with full knowledge, m: of the map and of what comes to stand there.
-fn with_full_knowledge(setup: &Setup) -> Option<f64> {
+/// Length of the way from `start` that is found with full knowledge, m: of the map and of what comes to stand there.
+///
+/// The planner looks for it, and where that finds nothing a search over poses, with no more room than the bike needs: whoever
+/// knows everything may take his time.
+fn with_full_knowledge(setup: &Setup, start: EndPose) -> Option<f64> {
     let world = setup.world.as_ref()?;
     let end = SimTime::from_seconds(1e4).seconds();
     let later = setup
@@ -147,11 +163,7 @@ fn with_full_knowledge(setup: &Setup) -> Option<f64> {
     let obstacles = world.obstacles().iter().cloned().chain(later).collect();
     let world =
         bikebot_world::World::build(world.bounds(), obstacles, world.grid().cloned()).ok()?;
-    let start = EndPose {
-        curvature: Some(0.0),
-        ..setup.start_pose?
-    };
-    let problem = PlanningProblem {
+    let mut problem = PlanningProblem {
         world: &world,
         footprint: setup.planning_footprint.clone(),
         start,
@@ -162,17 +174,19 @@ fn with_full_knowledge(setup: &Setup) -> Option<f64> {
         starts: 16,
         ..setup.planner.clone()
     };
-    let report = plan(
-        &problem,
-        &params,
-        setup.seed,
-        &Budget::of_iterations(KNOWING),
-    )
-    .ok()?;
-    match (report.outcome, report.path) {
-        (Outcome::Found, Some(PlannedPath::Curves(path))) => Some(path.length()),
-        _ => None,
+    let budget = Budget::of_iterations(KNOWING);
+    if let Ok(report) = plan(&problem, &params, setup.seed, &budget)
+        && let (Outcome::Found, Some(PlannedPath::Curves(path))) = (report.outcome, report.path)
+    {
+        return Some(path.length());
     }
+    let allowance = setup.online.as_ref()?.params.tracking_allowance;
+    problem.footprint = setup.footprint.grown(allowance);
+    let resolution = setup.planner.clearance_resolution();
+    let checker = MotionChecker::new(&world, &problem.footprint, 0.0, resolution);
+    let budget = Budget::of_iterations(STATES);
+    let found = lattice::search(&problem, &checker, &mut Meter::new(&budget));
+    Some(found.path?.length())
 }
 
 #[cfg(test)]
