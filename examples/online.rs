@@ -4,6 +4,8 @@
 //! cargo run --release --example online -- --suites fields,surprise,corridor,maps --rides 300 --format markdown
 //! ```
 //!
+//! With `--write FOLDER` nothing is judged; the scenarios are written there, for `bikebot run` to show one of them.
+//!
 //! The maps are read from `../shared/data/ros_maps` and left out where that is not there. Exit code 1 for a collision or a fall.
 
 #![allow(clippy::print_stdout, reason = "an example shows what it found")]
@@ -20,7 +22,7 @@ fn main() -> Result<ExitCode, String> {
         300,
         "markdown".to_owned(),
     );
-    let (mut first, mut density) = (0, None);
+    let (mut first, mut density, mut folder) = (0, None, None);
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let value = words
@@ -37,9 +39,10 @@ fn main() -> Result<ExitCode, String> {
             "--first" => first = number()?,
             "--density" => density = Some(number()? as usize),
             "--format" => format = value,
+            "--write" => folder = Some(value),
             _ => {
                 return Err(format!(
-                    "{word}? --suites fields,surprise,corridor,maps, --rides N, --first SEED, --density N, --format markdown|json|rows"
+                    "{word}? --suites fields,surprise,corridor,maps, --rides N, --first SEED, --density N, --format markdown|json|rows, --write FOLDER"
                 ));
             }
         }
@@ -77,6 +80,15 @@ fn main() -> Result<ExitCode, String> {
                 ));
             }
         }
+    }
+    if let Some(folder) = folder {
+        std::fs::create_dir_all(&folder).map_err(|error| format!("{folder}: {error}"))?;
+        for case in &cases {
+            let file = format!("{folder}/{}-{}.toml", case.suite, case.seed);
+            std::fs::write(&file, online::scenario(case, &read)?)
+                .map_err(|error| format!("{file}: {error}"))?;
+        }
+        return Ok(ExitCode::SUCCESS);
     }
     let rows = online::ride_all(&cases, &read)?;
     let summaries = online::summaries(&rows);

@@ -85,24 +85,7 @@ pub fn ride_all(cases: &[Case], read: Read<'_>) -> Result<Vec<Row>, String> {
 ///
 /// What is wrong with the scenario.
 pub fn ride(case: &Case, read: Read<'_>) -> Result<Row, String> {
-    let mut text = case.text.clone();
-    let mut met = None;
-    if case.has_surprise {
-        let mut rng = ChaCha8Rng::seed_from_u64(case.seed ^ 0x5A5A);
-        let after = 4.0 + 14.0 * unit(&mut rng);
-        let setup = resolve(&text, read)?;
-        let mut check = BrakingCheck::new(&setup);
-        check.look_out_after = after;
-        play(&setup, &mut check)?;
-        met = check.surprise;
-        if let Some(Surprise { time, place, .. }) = met {
-            let _ = write!(
-                text,
-                "[[obstacle]]\nshape = \"box:{BLOCK}x{BLOCK}\"\nwaypoints_m = [[{}, {}]]\nappear_s = {time}\nhidden = true\n",
-                place.x, place.y
-            );
-        }
-    }
+    let (text, met) = with_its_surprise(case, read)?;
     let setup = resolve(&text, read)?;
     let start = setup.start_pose.map(|start| EndPose {
         curvature: Some(0.0),
@@ -132,6 +115,37 @@ pub fn ride(case: &Case, read: Read<'_>) -> Result<Row, String> {
         emergencies: check.emergencies,
         side_changes: check.side_changes(),
     })
+}
+
+/// The scenario that is ridden in the end, as text: with the block that comes to stand on the way, if one does.
+///
+/// # Errors
+///
+/// What is wrong with the scenario.
+pub fn scenario(case: &Case, read: Read<'_>) -> Result<String, String> {
+    Ok(with_its_surprise(case, read)?.0)
+}
+
+fn with_its_surprise(case: &Case, read: Read<'_>) -> Result<(String, Option<Surprise>), String> {
+    let mut text = case.text.clone();
+    let mut met = None;
+    if case.has_surprise {
+        let mut rng = ChaCha8Rng::seed_from_u64(case.seed ^ 0x5A5A);
+        let after = 4.0 + 14.0 * unit(&mut rng);
+        let setup = resolve(&text, read)?;
+        let mut check = BrakingCheck::new(&setup);
+        check.look_out_after = after;
+        play(&setup, &mut check)?;
+        met = check.surprise;
+        if let Some(Surprise { time, place, .. }) = met {
+            let _ = write!(
+                text,
+                "[[obstacle]]\nshape = \"box:{BLOCK}x{BLOCK}\"\nwaypoints_m = [[{}, {}]]\nappear_s = {time}\nhidden = true\n",
+                place.x, place.y
+            );
+        }
+    }
+    Ok((text, met))
 }
 
 fn resolve(text: &str, read: Read<'_>) -> Result<Setup, String> {
