@@ -103,7 +103,6 @@ impl Diagnostic {
     }
 
     /// The message alone, without place and help.
-    #[cfg(test)]
     pub fn message(&self) -> &str {
         &self.message
     }

@@ -53,6 +53,7 @@ fn dispatch(verb: &Verb, terminal: &Terminal) -> Ending {
         Verb::Verify(args) => commands::verify::run(args, terminal),
         Verb::Table2(args) => commands::table2::run(args, terminal),
         Verb::Plot(args) => commands::plot::run(args, terminal),
+        Verb::Report(args) => commands::report::run(args, terminal),
         Verb::Sweep(args) => commands::sweep::run(args, terminal),
         Verb::Compare(args) => commands::compare::run(args, terminal),
         Verb::Eigenvalues(args) => commands::eigenvalues::run(args, terminal),

@@ -1,10 +1,11 @@
-//! Pictures of what others made: plans, rides and eigenvalues, as SVG and PNG. Nothing is planned or ridden here.
+//! Pictures of what others made: plans, rides and eigenvalues, as SVG and PNG, and rides as a page of HTML. Nothing is planned or ridden here.
 //!
 //! ```text
 //! plan.json ─▶ PlanFile ─▶ PlanFigure ┐
 //! recording ┬▶ Ride ─────▶ RideFigure ┼▶ Drawing ─▶ svg::write ─▶ png::write
 //!           └▶ Moments ▶ MomentsFigure ┤
 //! Whipple ────▶ EigenvalueFigure ─────┘
+//! recordings ─▶ page::Recording ─▶ page::write: a page of HTML that moves
 //! ```
 //!
 //! A [`Drawing`](drawing::Drawing) is a list of outlines and labels in pixels. The same drawing always gives the same
@@ -23,6 +24,7 @@ mod ground_figure;
 pub mod label;
 mod legend;
 mod moments_figure;
+pub mod page;
 pub mod palette;
 mod plan_figure;
 pub mod plan_file;

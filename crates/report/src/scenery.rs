@@ -145,7 +145,7 @@ pub fn footprint_outline(footprint: &Footprint) -> Outline {
 
 /// The rim of all points within `by` (m) of a polygon given counter-clockwise: a pair of points for each side,
 /// and an arc of short legs about each corner that points outwards.
-fn rounded(vertices: &[Point2], by: f64) -> Vec<[f64; 2]> {
+pub(crate) fn rounded(vertices: &[Point2], by: f64) -> Vec<[f64; 2]> {
     const LEGS: usize = 6;
     if by <= 0.0 {
         return vertices.iter().map(|vertex| [vertex.x, vertex.y]).collect();

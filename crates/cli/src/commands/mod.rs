@@ -13,6 +13,7 @@ pub mod map;
 pub mod map_build;
 pub mod plan;
 pub mod plot;
+pub mod report;
 pub mod run;
 pub mod schema;
 pub mod sweep;

@@ -22,6 +22,7 @@ fn help_of_every_verb_fits_a_hundred_columns() {
         "verify",
         "table2",
         "plot",
+        "report",
         "sweep",
         "compare",
         "eigenvalues",

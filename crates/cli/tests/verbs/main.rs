@@ -10,6 +10,7 @@ mod log;
 mod map;
 mod plan;
 mod plot;
+mod report;
 mod run;
 mod schema;
 mod sweep;
