@@ -74,7 +74,7 @@ def overhead(count: int = 5000) -> None:
 
 
 def pace(seconds: float = 1.0) -> None:
-    """Another Python thread beside a plan."""
+    """Another Python thread beside a plan, and beside another process."""
     scenario = bikebot.Scenario.load(SCENARIOS / "planning" / "fig6.toml")
     tireless = scenario.with_(planner={"starts": 10**9, "starts_without_gain": 10**9})
 
@@ -93,7 +93,9 @@ def pace(seconds: float = 1.0) -> None:
         thread.join()
         return count / took
 
-    alone = rounds(lambda: time.sleep(seconds))
+    # Another process that is as busy shares the machine, and no interpreter.
+    code = f"import time; end = time.perf_counter() + {seconds}\nwhile time.perf_counter() < end: pass"
+    alone = rounds(lambda: subprocess.run([sys.executable, "-S", "-c", code], check=True))
     beside = rounds(lambda: tireless.plan(time_limit=seconds))
     print(f"pace of another thread: {100 * beside / alone:.0f} %")
 
