@@ -193,6 +193,19 @@ async def works(program, browser, pictures):
     check(await browser.run("window.broken === undefined"), "a scenario cannot bring in a script")
     check(evil in await browser.run("document.getElementById('scenario-0').textContent"), "what it holds is shown as it is")
 
+    walled = program.folder / "walled.toml"
+    walled.write_text("""format = 1
+name = "walled"
+map = { bounds_m = [0, 0, 12, 6], box = [{ min_m = [5, 0], max_m = [6, 6] }] }
+start = { x_m = 2, y_m = 3, heading_deg = 0 }
+goal = { x_m = 10, y_m = 3 }
+""")
+    program("run", walled, "-o", "walled.mcap", "-q", code=1)
+    page, _ = program.page("walled.html", "walled.mcap")
+    for width in [1280, 390]:
+        await opens_clean(browser, page, width, "light")
+    check(await browser.run("document.getElementById('transport').hidden"), "where nothing was ridden there is nothing to play")
+
     whole = fig7.read_bytes()
     for share in [0.95, 0.5, 0.1]:
         (program.folder / "cut.mcap").write_bytes(whole[: int(share * len(whole))])

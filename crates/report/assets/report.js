@@ -216,7 +216,14 @@
     writeReadings();
     writeValues();
     const range = byId("time");
-    if (!playing || said) range.setAttribute("aria-valuetext", `${now.toFixed(2)} seconds of ${end.toFixed(1)}`);
+    if (playing && !said) return;
+    range.setAttribute("aria-valuetext", `${now.toFixed(2)} seconds of ${end.toFixed(1)}`);
+    const pose = poseAt(focus, now);
+    if (!pose) return;
+    map.setAttribute("aria-label", `The ride from above. At ${now.toFixed(2)} s the bike is at x ${pose.x.toFixed(2)} m, y ${pose.y.toFixed(2)} m, `
+      + `heading ${(pose.heading * DEGREES).toFixed(0)} degrees.`);
+    const lean = pose.roll * DEGREES;
+    rear.setAttribute("aria-label", `The bike from behind, leaning ${Math.abs(lean).toFixed(1)} degrees to the ${lean < 0 ? "left" : "right"}.`);
   }
 
   // ---------------------------------------------------------------- layers
@@ -361,6 +368,16 @@
     }
     const plan = focus.plans[planIndex];
     if (plan && !shaded) drawPlan(c, plan, px);
+    drawStart(c, px);
+  }
+  // Where it set off: a full dot, as the goal is a ring.
+  function drawStart(c, px) {
+    if (!focus.start) return;
+    const [x, y] = focus.start;
+    c.beginPath();
+    c.arc(x, y, 4.5 * px, 0, 7);
+    c.fillStyle = ink.ink;
+    c.fill();
   }
   function grid(c, px) {
     const least = 70 * px, power = 10 ** Math.floor(Math.log10(least));
@@ -508,6 +525,7 @@
         stroke(c, focus.shapes.occupied, ink.ink, px);
       }
       if (shown >= 0) drawPlan(c, focus.plans[shown], px);
+      drawStart(c, px);
     }
     if (on.scan && focus.scans) drawScan(c, px);
     if (on.followed) {

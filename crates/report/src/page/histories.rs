@@ -401,7 +401,8 @@ pub(super) fn charts(rows: &Rows, setup: Option<&Setup>) -> Vec<Chart> {
 fn levels(id: &str, setup: Option<&Setup>) -> Vec<Level> {
     let level = |value: f64, label: String| Level { value, label };
     let both = |value: f64, unit: &str| {
-        let label = format!("limit ±{} {unit}", super::number(value));
+        let gap = if unit == "°" { "" } else { " " };
+        let label = format!("limit ±{}{gap}{unit}", super::number(value));
         vec![level(value, label.clone()), level(-value, label)]
     };
     match (id, setup) {

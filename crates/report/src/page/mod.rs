@@ -103,6 +103,8 @@ struct RideData {
     file: String,
     end: f64,
     extent: [f64; 4],
+    /// Where it set off, m.
+    start: Option<[f64; 2]>,
     bike: scene::BikeShape,
     map: Option<scene::Map>,
     moving: Vec<scene::Moving>,
@@ -150,6 +152,7 @@ fn data(ride: &Ride<'_>, count: usize) -> RideData {
         file: ride.recording.file.clone(),
         end: ride.end,
         extent: scene::extent(setup, trace),
+        start: scene::start(setup, trace),
         bike: scene::BikeShape::of(setup),
         map: setup
             .and_then(|setup| setup.world.as_ref())

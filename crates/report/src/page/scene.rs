@@ -285,6 +285,16 @@ fn rim(footprint: &Footprint) -> Vec<[f64; 2]> {
     }
 }
 
+/// Where the ride began, or was to begin, m.
+pub(super) fn start(setup: Option<&Setup>, trace: &Trace) -> Option<[f64; 2]> {
+    let state = &trace.state;
+    let first = state.x_m.first().zip(state.y_m.first());
+    let ridden = first.map(|(x, y)| [*x, *y]);
+    let asked = setup.and_then(|setup| setup.start_pose.as_ref());
+    let start = ridden.or_else(|| asked.map(|pose| [pose.position.x, pose.position.y]));
+    start.filter(|at| at.iter().all(|it| it.is_finite()))
+}
+
 /// The rectangle to show: the field, or what was ridden and planned.
 pub(super) fn extent(setup: Option<&Setup>, trace: &Trace) -> [f64; 4] {
     if let Some(world) = setup.and_then(|setup| setup.world.as_ref()) {

@@ -215,9 +215,29 @@ fn recorded(result: &BTreeMap<String, String>) -> BTreeMap<String, f64> {
 /// The metrics that the rows alone tell, for a recording without a result.
 fn counted(trace: &Trace) -> BTreeMap<String, f64> {
     let mut metrics = BTreeMap::new();
+    // The lateral error counts from a metre after the start, as in the metric of a whole ride.
+    let way = &trace.state.distance_m;
+    let begun = way
+        .first()
+        .map_or(0, |first| way.partition_point(|it| it - first < 1.0));
+    let begun = trace
+        .state
+        .time_s
+        .get(begun)
+        .copied()
+        .unwrap_or(f64::INFINITY);
     let finite = |name: &str| -> Vec<f64> {
-        let values = trace.column(name).map_or(&[][..], |column| column.1);
-        values.iter().copied().filter(|it| it.is_finite()).collect()
+        let (times, values) = trace.column(name).unwrap_or_default();
+        let from = if name == "lateral_error_m" {
+            begun
+        } else {
+            f64::NEG_INFINITY
+        };
+        let values = times
+            .iter()
+            .zip(values)
+            .filter(|(time, it)| **time >= from && it.is_finite());
+        values.map(|(_, it)| *it).collect()
     };
     for (metric, column, factor) in [
         ("lateral_error_max_m", "lateral_error_m", 1.0),
@@ -441,6 +461,8 @@ fn tightest(margins: &[Margin]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bikebot_sim::clock::SimTime;
+    use bikebot_sim::record::{ControlSample, Event, Recorder, StateSample};
 
     fn result(pairs: &[(&str, &str)]) -> BTreeMap<String, String> {
         let pairs = pairs.iter();
@@ -523,6 +545,31 @@ mod tests {
             ["The recording does not tell how it ended; it breaks off."]
         );
         assert!(!it.metrics_are_recorded);
+    }
+
+    #[test]
+    fn without_a_result_the_rows_are_counted_as_the_metrics_are() {
+        let mut trace = Trace::default();
+        for tick in 0..300_u64 {
+            let time = SimTime::from_nanoseconds(10_000_000 * tick);
+            let way = 0.01 * tick as f64;
+            let state = StateSample {
+                distance_m: way,
+                roll_rad: -0.05,
+                ..StateSample::default()
+            };
+            let control = ControlSample {
+                lateral_error_m: if way < 0.99 { 0.4 } else { -0.02 },
+                ..ControlSample::default()
+            };
+            trace.record(time, &Event::State(&state)).unwrap();
+            trace.record(time, &Event::Control(&control)).unwrap();
+        }
+        let it = Verdict::of(None, &trace, None);
+        assert_eq!(it.metrics["lateral_error_max_m"], 0.02);
+        assert_eq!(it.metrics["distance_m"], 2.99);
+        assert!((it.metrics["roll_max_deg"] - 2.864_788_975_654).abs() < 1e-9);
+        assert!(!it.metrics.contains_key("min_clearance_m"));
     }
 
     #[test]
