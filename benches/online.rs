@@ -196,11 +196,13 @@ fn searches(c: &mut Criterion) {
         Times(found.map(|(_, took)| *took).collect())
     };
     of(&|_| true).print("  order with a search");
-    let quick = |search: &Searched| !search.over_poses && !search.is_improvement;
+    let quick =
+        |search: &Searched| !(search.over_poses || search.is_thorough || search.is_improvement);
     of(&|s| quick(s) && s.found == Some(Cause::Repaired)).print("  repaired");
     of(&|s| quick(s) && s.found == Some(Cause::Afresh)).print("  afresh");
     of(&|s| s.is_improvement).print("  a look for something better");
-    of(&|s| s.over_poses && s.found.is_some()).print("  found over poses");
+    of(&|s| s.over_poses && !s.is_thorough && s.found.is_some()).print("  found over poses");
+    of(&|s| s.over_poses && s.is_thorough && s.found.is_some()).print("  found thoroughly");
     let in_vain = |s: &Searched| s.found.is_none() && !s.is_improvement;
     of(&|s| in_vain(s) && !s.at_rest).print("  nothing found, riding");
     of(&|s| in_vain(s) && s.at_rest).print("  nothing found, at rest");
@@ -232,6 +234,8 @@ fn ask(setup: &Setup, situation: &Situation) -> Option<(Replan, f64)> {
         improve: false,
         gain: online.gain,
         detour: online.detour,
+        horizon: Some(online.horizon),
+        thorough: false,
     };
     let budget = Budget::of_iterations(online.iterations);
     let (took, answer) = timed(|| replan(&problem, &params, &replanning, &previous, 1, &budget));

@@ -217,6 +217,17 @@ impl<'a> Meter<'a> {
         result
     }
 
+    /// Does `work`, content with any path.
+    pub(crate) fn content<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
+        let enough = self.budget.enough.replace(Enough {
+            cost: f64::INFINITY,
+            settled: None,
+        });
+        let result = work(self);
+        self.budget.enough = enough;
+        result
+    }
+
     /// A meter for one of several searches that run at the same time, with all that is left of this one's budget.
     #[must_use]
     pub(crate) fn fork(&self) -> Self {

@@ -340,6 +340,11 @@ impl Full<'_, '_> {
         found.best
     }
 
+    /// A curve along `guide`, a taut polyline from start to goal, not polished.
+    pub fn sketch_along(&self, guide: &[Point2], meter: &mut Meter<'_>) -> Option<Refined> {
+        self.refine(&self.to_the_region(guide), meter, &mut |_, _| {})
+    }
+
     /// The cheapest curve along `guide`: as it is, or with its ends bent where they turn sharply or nothing is found otherwise.
     fn refine(
         &self,

@@ -16,6 +16,7 @@
 //! The new world is best made by [`World::with_changes`](bikebot_world::World::with_changes), which keeps what is known of the
 //! places that the changes cannot reach.
 
+mod near_and_far;
 mod repair;
 #[cfg(test)]
 mod tests;
@@ -25,7 +26,7 @@ pub use self::validity::Validity;
 
 use crate::budget::{Budget, CutShort, Meter};
 use crate::error::PlanError;
-use crate::full::{Full, Step};
+use crate::full::Step;
 use crate::metrics::PathMetrics;
 use crate::motion::MotionChecker;
 use crate::params::{GoalMode, Method, PlannerParams};
@@ -57,6 +58,14 @@ pub struct ReplanParams {
     #[serde(rename = "detour")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub detour: f64,
+    /// How far ahead a new path is made with care, m; beyond it the first curve that is certified will do, for it is planned again before
+    /// it is ridden. None: all the way.
+    #[serde(rename = "horizon_m")]
+    #[schemars(range(min = 1.0, max = 1e6))]
+    pub horizon: Option<f64>,
+    /// Whether to search with all that the method `full` has where a way round what blocks the path, and a way over the grid, are none. Only such
+    /// a search proves that there is no way.
+    pub thorough: bool,
 }
 
 impl Default for ReplanParams {
@@ -65,6 +74,8 @@ impl Default for ReplanParams {
             improve: false,
             gain: 0.05,
             detour: 0.05,
+            horizon: None,
+            thorough: true,
         }
     }
 }
@@ -327,26 +338,46 @@ impl Case<'_, '_> {
             cost: self.params.length_weight * length,
             certified: false,
         });
-        let full = Full {
-            problem: &self.problem,
-            params: &self.params,
-            seed: self.seed,
-            checker: &self.checker,
-            discs: &self.discs,
+        let curves = match self.replanning.horizon {
+            Some(horizon) => self.near_and_far(&guide, horizon, meter)?,
+            None => {
+                let full = self.full(&self.problem, &self.params);
+                let best = full.curve_along(&guide, meter, &mut |step: &Step<'_>| {
+                    trace.push(TraceEntry {
+                        iteration: step.iteration,
+                        stage: step.stage,
+                        length: step.length,
+                        cost: step.cost,
+                        certified: step.curves.is_some(),
+                    });
+                });
+                best?.curves
+            }
         };
-        let best = full.curve_along(&guide, meter, &mut |step: &Step<'_>| {
-            trace.push(TraceEntry {
-                iteration: step.iteration,
-                stage: step.stage,
-                length: step.length,
-                cost: step.cost,
-                certified: step.curves.is_some(),
-            });
-        })?;
-        Some((CurvePath::new(best.curves).ok()?, length))
+        Some((CurvePath::new(curves).ok()?, length))
     }
 
-    fn afresh(&self, meter: Meter<'_>, mut trace: Vec<TraceEntry>) -> Result<Replan, PlanError> {
+    fn afresh(
+        &self,
+        mut meter: Meter<'_>,
+        mut trace: Vec<TraceEntry>,
+    ) -> Result<Replan, PlanError> {
+        if let Some(horizon) = self.replanning.horizon {
+            let guide = self.guide_afresh(&mut meter);
+            let curves = guide
+                .as_ref()
+                .and_then(|guide| self.near_and_far(guide, horizon, &mut meter));
+            if let Some(path) = curves.and_then(|curves| CurvePath::new(curves).ok()) {
+                return Ok(self.answer(Decision::Afresh, Some(path), &meter, trace));
+            }
+            if !self.replanning.thorough {
+                let reason = match guide {
+                    Some(_) => Reason::NoCurve,
+                    None => Reason::Iterations,
+                };
+                return Ok(self.blocked(Blockage::NoPath(reason), &meter, trace));
+            }
+        }
         let report = plan_metered(
             &self.problem,
             &self.params,

@@ -15,6 +15,11 @@ pub struct OnlineParams {
     #[serde(rename = "latency_s")]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub latency: f64,
+    /// How far ahead a new path is made with care, m. Beyond it the first path that is proved free will do: it is planned again before it is
+    /// ridden.
+    #[serde(rename = "horizon_m")]
+    #[schemars(range(min = 1.0, max = 1e4))]
+    pub horizon: f64,
     /// Way beyond where the bike will be when it takes a plan over, m, on which the old path stays as it is: the follower looks ahead that
     /// far.
     #[serde(rename = "lead_m")]
@@ -86,6 +91,7 @@ impl Default for OnlineParams {
         Self {
             enabled: false,
             latency: 0.1,
+            horizon: 10.0,
             lead: 0.5,
             iterations: 5_000,
             states: 10_000,

@@ -134,6 +134,8 @@ pub struct Searched {
     pub found: Option<Cause>,
     /// Whether that took a search over poses and steering angles, or would have.
     pub over_poses: bool,
+    /// It took all that the method `full` has.
+    pub is_thorough: bool,
 }
 
 /// What is to be done from now on.

@@ -69,23 +69,35 @@ impl Navigator {
             ready: motion.time + self.online.latency,
         };
         let mut over_poses = false;
-        let found = self.along_guides(&query).or_else(|vain| {
-            over_poses = !vain.is_settled;
-            let found = over_poses.then(|| self.over_poses(&query)).flatten();
-            found.ok_or(vain.halt)
-        });
+        let mut is_thorough = is_improvement;
+        let found = if is_improvement {
+            self.along_guides(&query, true).map_err(|vain| vain.halt)
+        } else {
+            self.along_guides(&query, false).or_else(|vain| {
+                if vain.is_settled {
+                    return Err(vain.halt);
+                }
+                over_poses = true;
+                if let Some(route) = self.over_poses(&query) {
+                    return Ok(route);
+                }
+                is_thorough = true;
+                self.along_guides(&query, true).map_err(|vain| vain.halt)
+            })
+        };
         self.searched = Some(Searched {
             at,
             at_rest: stands,
             is_improvement,
             found: found.as_ref().ok().map(|route| route.cause),
             over_poses,
+            is_thorough,
         });
         found
     }
 
     /// By [`replan`]: round what blocks the path, or from nothing; with room to spare, or with none.
-    fn along_guides(&self, query: &Query<'_>) -> Result<Route, InVain> {
+    fn along_guides(&self, query: &Query<'_>, thorough: bool) -> Result<Route, InVain> {
         let Query {
             previous,
             is_improvement,
@@ -100,6 +112,8 @@ impl Navigator {
             improve: is_improvement,
             gain: self.online.gain,
             detour: self.online.detour,
+            horizon: (!is_improvement).then_some(self.online.horizon),
+            thorough,
         };
         let settled = |halt| InVain {
             halt,
