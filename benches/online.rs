@@ -223,6 +223,7 @@ fn ask(setup: &Setup, situation: &Situation) -> Option<(Replan, f64)> {
     let params = PlannerParams {
         margin: setup.planner.margin + online.plan_margin,
         starts: online.starts,
+        refine_rounds: 12,
         ..setup.planner.clone()
     };
     let previous = Previous {
@@ -235,6 +236,7 @@ fn ask(setup: &Setup, situation: &Situation) -> Option<(Replan, f64)> {
         gain: online.gain,
         detour: online.detour,
         horizon: Some(online.horizon),
+        renew: false,
         thorough: false,
     };
     let budget = Budget::of_iterations(online.iterations);

@@ -63,6 +63,9 @@ pub struct ReplanParams {
     #[serde(rename = "horizon_m")]
     #[schemars(range(min = 1.0, max = 1e6))]
     pub horizon: Option<f64>,
+    /// Whether to make what is left of a free path anew along the same way, with care as far as the horizon. So a robot comes never to what
+    /// was only sketched.
+    pub renew: bool,
     /// Whether to search with all that the method `full` has where a way round what blocks the path, and a way over the grid, are none. Only such
     /// a search proves that there is no way.
     pub thorough: bool,
@@ -75,6 +78,7 @@ impl Default for ReplanParams {
             gain: 0.05,
             detour: 0.05,
             horizon: None,
+            renew: false,
             thorough: true,
         }
     }
@@ -158,6 +162,8 @@ pub struct Replan {
     pub path: Option<CurvePath>,
     /// Figures of the new path.
     pub metrics: Option<PathMetrics>,
+    /// How far the new path was made with care, m of its own arc length; `None`: all the way.
+    pub careful_until: Option<f64>,
     /// w_p (L + w_J J) of the new path.
     pub cost: Option<f64>,
     /// How far ahead the old path is free.
@@ -249,8 +255,25 @@ impl Case<'_, '_> {
     }
 
     /// The old path is free. What is better must be so clearly.
-    fn improve(&self, ends: Result<(), Blockage>, meter: Meter<'_>) -> Result<Replan, PlanError> {
+    fn improve(
+        &self,
+        ends: Result<(), Blockage>,
+        mut meter: Meter<'_>,
+    ) -> Result<Replan, PlanError> {
         let left = self.previous.curves.length() - self.previous.at;
+        if let (true, Some(horizon), Ok(())) =
+            (self.replanning.renew, self.replanning.horizon, ends)
+        {
+            let guide = (left > NO_PIECE)
+                .then(|| repair::same_way(self.previous, &self.discs, &mut meter))
+                .flatten();
+            let renewed = guide.and_then(|guide| self.near_and_far(&guide, horizon, &mut meter));
+            let decision = match renewed {
+                Some(_) => Decision::Improved,
+                None => Decision::Kept,
+            };
+            return Ok(self.answer(decision, renewed, &meter, Vec::new()));
+        }
         if !self.replanning.improve || ends.is_err() || left <= NO_PIECE {
             return Ok(self.answer(Decision::Kept, None, &meter, Vec::new()));
         }
@@ -290,14 +313,15 @@ impl Case<'_, '_> {
         }
         let left = self.previous.curves.length() - self.previous.at;
         match repaired {
-            Some((path, taut))
+            Some((path, careful, taut))
                 if taut <= (1.0 + self.replanning.detour) * left || meter.cut_short().is_some() =>
             {
-                Ok(self.answer(Decision::Repaired, Some(path), &meter, trace))
+                Ok(self.answer(Decision::Repaired, Some((path, careful)), &meter, trace))
             }
-            Some((path, _)) => {
+            Some((path, careful, _)) => {
                 // A long detour: by chance, or because there is no shorter one.
-                let repaired = self.answer(Decision::Repaired, Some(path), &meter, trace.clone());
+                let path = Some((path, careful));
+                let repaired = self.answer(Decision::Repaired, path, &meter, trace.clone());
                 let fresh = self.afresh(meter, trace)?;
                 let enough = (1.0 - self.replanning.detour) * repaired.cost.unwrap_or(0.0);
                 Ok(if fresh.cost.is_some_and(|cost| cost < enough) {
@@ -315,12 +339,13 @@ impl Case<'_, '_> {
         }
     }
 
-    /// A curve around what blocks the path, and the length (m) of the taut polyline it follows.
+    /// A path around what blocks the old one, how far it was made with care, m, if not all the way, and the length (m) of the taut
+    /// polyline it follows.
     fn repair(
         &self,
         meter: &mut Meter<'_>,
         trace: &mut Vec<TraceEntry>,
-    ) -> Option<(CurvePath, f64)> {
+    ) -> Option<(CurvePath, Option<f64>, f64)> {
         let guide = repair::way_round(
             self.previous.curves,
             self.previous.at,
@@ -338,7 +363,7 @@ impl Case<'_, '_> {
             cost: self.params.length_weight * length,
             certified: false,
         });
-        let curves = match self.replanning.horizon {
+        let (path, careful) = match self.replanning.horizon {
             Some(horizon) => self.near_and_far(&guide, horizon, meter)?,
             None => {
                 let full = self.full(&self.problem, &self.params);
@@ -351,10 +376,10 @@ impl Case<'_, '_> {
                         certified: step.curves.is_some(),
                     });
                 });
-                best?.curves
+                (CurvePath::new(best?.curves).ok()?, None)
             }
         };
-        Some((CurvePath::new(curves).ok()?, length))
+        Some((path, careful, length))
     }
 
     fn afresh(
@@ -364,11 +389,11 @@ impl Case<'_, '_> {
     ) -> Result<Replan, PlanError> {
         if let Some(horizon) = self.replanning.horizon {
             let guide = self.guide_afresh(&mut meter);
-            let curves = guide
+            let found = guide
                 .as_ref()
                 .and_then(|guide| self.near_and_far(guide, horizon, &mut meter));
-            if let Some(path) = curves.and_then(|curves| CurvePath::new(curves).ok()) {
-                return Ok(self.answer(Decision::Afresh, Some(path), &meter, trace));
+            if found.is_some() {
+                return Ok(self.answer(Decision::Afresh, found, &meter, trace));
             }
             if !self.replanning.thorough {
                 let reason = match guide {
@@ -400,6 +425,7 @@ impl Case<'_, '_> {
         Ok(Replan {
             decision,
             metrics: report.metrics.filter(|_| path.is_some()),
+            careful_until: None,
             cost: path.as_ref().map(|path| self.cost(path.segments())),
             path,
             validity: self.validity,
@@ -420,10 +446,14 @@ impl Case<'_, '_> {
     fn answer(
         &self,
         decision: Decision,
-        path: Option<CurvePath>,
+        path: Option<(CurvePath, Option<f64>)>,
         meter: &Meter<'_>,
         trace: Vec<TraceEntry>,
     ) -> Replan {
+        let (path, careful_until) = match path {
+            Some((path, careful)) => (Some(path), careful),
+            None => (None, None),
+        };
         let cost = path.as_ref().map(|path| self.cost(path.segments()));
         let path = path.map(PlannedPath::Curves);
         let metrics = path.as_ref().map(|path| {
@@ -439,6 +469,7 @@ impl Case<'_, '_> {
             decision,
             path: path.and_then(|path| path.curves().cloned()),
             metrics,
+            careful_until,
             cost,
             validity: self.validity,
             iterations: meter.iterations(),

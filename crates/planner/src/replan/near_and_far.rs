@@ -11,7 +11,7 @@ use crate::guide;
 use crate::params::{GoalMode, PlannerParams};
 use crate::problem::{EndPose, GoalRegion, PlanningProblem};
 use crate::taut::{self, Rivals};
-use bikebot_geometry::{CurvePath, FergusonCurve, Point2, Vector2};
+use bikebot_geometry::{CurvePath, Point2, Vector2};
 
 /// The horizon lies where the guide is straight: between it and so many times as far.
 const ROOM: f64 = 1.5;
@@ -39,18 +39,19 @@ impl Case<'_, '_> {
         (coarse.len() > 1).then(|| taut::pull(&coarse, &Rivals::none(), &self.discs, meter).path)
     }
 
-    /// Certified curves along `guide`, in two parts where it is long enough.
+    /// A certified path along `guide`, in two parts where it is long enough, and how far it was made with care, m, if not all the way.
     pub(super) fn near_and_far(
         &self,
         guide: &[Point2],
         horizon: f64,
         meter: &mut Meter<'_>,
-    ) -> Option<Vec<FergusonCurve>> {
-        let curves = cut(guide, horizon).and_then(|cut| self.in_two_parts(guide, &cut, meter));
-        curves.or_else(|| {
-            let full = self.full(&self.problem, &self.params);
-            Some(full.sketch_along(guide, meter)?.curves)
-        })
+    ) -> Option<(CurvePath, Option<f64>)> {
+        if let Some(cut) = cut(guide, horizon) {
+            return self.in_two_parts(guide, &cut, meter);
+        }
+        let full = self.full(&self.problem, &self.params);
+        let refined = full.sketch_along(guide, meter)?;
+        Some((CurvePath::new(refined.curves).ok()?, None))
     }
 
     fn in_two_parts(
@@ -58,7 +59,7 @@ impl Case<'_, '_> {
         guide: &[Point2],
         cut: &Cut,
         meter: &mut Meter<'_>,
-    ) -> Option<Vec<FergusonCurve>> {
+    ) -> Option<(CurvePath, Option<f64>)> {
         let near = PlanningProblem {
             goal: GoalRegion {
                 position: cut.place,
@@ -77,8 +78,8 @@ impl Case<'_, '_> {
             .full(&near, &to_a_pose)
             .sketch_along(&vertices, meter)?
             .curves;
-        let end = CurvePath::new(curves.clone()).ok()?;
-        let end = end.at(end.length());
+        let careful = CurvePath::new(curves.clone()).ok()?;
+        let end = careful.at(careful.length());
         let far = PlanningProblem {
             start: EndPose {
                 position: end.position,
@@ -92,7 +93,7 @@ impl Case<'_, '_> {
         let far =
             meter.content(|meter| self.full(&far, &self.params).sketch_along(&vertices, meter))?;
         curves.extend(far.curves);
-        Some(curves)
+        Some((CurvePath::new(curves).ok()?, Some(careful.length())))
     }
 
     pub(super) fn full<'f>(

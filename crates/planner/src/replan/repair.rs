@@ -5,7 +5,7 @@ use crate::budget::Meter;
 use crate::chance::{Chance, Purpose};
 use crate::motion::MotionChecker;
 use crate::params::{GoalMode, PlannerParams};
-use crate::replan::Validity;
+use crate::replan::{Previous, Validity};
 use crate::search::PointQuery;
 use crate::taut::{self, Rivals};
 use bikebot_geometry::{CurvePath, Point2};
@@ -48,6 +48,17 @@ pub(super) fn way_round(
         return None;
     }
     Some(taut::pull(&before, &Rivals::none(), discs, meter).path)
+}
+
+/// The way the old path leads from where it is left, as a taut polyline.
+pub(super) fn same_way(
+    previous: &Previous<'_>,
+    discs: &MotionChecker<'_>,
+    meter: &mut Meter<'_>,
+) -> Option<Vec<Point2>> {
+    let Previous { curves, at, .. } = *previous;
+    let way = follow(curves, at, curves.length(), discs)?;
+    (way.len() > 1).then(|| taut::pull(&way, &Rivals::none(), discs, meter).path)
 }
 
 /// Arc lengths between which the path is given up, m.

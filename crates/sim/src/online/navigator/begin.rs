@@ -45,6 +45,7 @@ impl Navigator {
                     cause: Cause::First,
                     iterations: report.iterations,
                     is_tight: index > 0,
+                    careful_until: f64::INFINITY,
                     ready: 0.0,
                 });
                 return Ok((Some(report), None));
@@ -64,6 +65,7 @@ impl Navigator {
                 cause: Cause::First,
                 iterations: states,
                 is_tight: true,
+                careful_until: f64::INFINITY,
                 ready: 0.0,
             });
             return Ok((last, None));

@@ -19,6 +19,7 @@ use bikebot_geometry::CurvePath;
 use bikebot_planner::{EndPose, GoalRegion, PlannerParams};
 use bikebot_world::{Bounds, Cell, Footprint, OccupancyGrid, World, WorldError};
 
+use self::search::Aim;
 use super::belief::Belief;
 use super::params::OnlineParams;
 use super::status::{Cause, Halt, NewPath, Order, Searched, Status};
@@ -40,6 +41,8 @@ const IN_VAIN: u32 = 3;
 const STANDING_PERIODS: [f64; 3] = [5.0, 10.0, 20.0];
 /// Beyond what the bike's outline is grown by in the proof of free space, the tighter of the two plans keeps this, m: the steps of the proof.
 const PROOF_STEPS: f64 = 0.02;
+/// What was only sketched is made anew when it is as near as this part of the horizon.
+const CARE: f64 = 0.6;
 /// A path with less than this to go is not improved, m.
 const NEARLY_THERE: f64 = 2.0;
 
@@ -130,6 +133,8 @@ struct Route {
     iterations: u64,
     /// It leaves less room than it should.
     is_tight: bool,
+    /// So far it was made with care, m; beyond it is a sketch.
+    careful_until: f64,
     /// When it may be taken over, s.
     ready: f64,
 }
@@ -337,7 +342,7 @@ impl Navigator {
         if self.pending.is_some() || motion.time < self.next_search {
             return;
         }
-        match self.search(motion, view, false, stands) {
+        match self.search(motion, view, Aim::AnyWay, stands) {
             Ok(plan) => self.pending = Some(plan),
             Err(halt) => {
                 let is_doubt = view
@@ -375,17 +380,22 @@ impl Navigator {
         let Some(route) = &self.route else {
             return;
         };
-        let is_worth_it = self.belief.has_opened || route.is_tight;
         if self.pending.is_some()
             || motion.time < self.next_improvement
-            || !is_worth_it
             || route.curves.length() - self.s < NEARLY_THERE
         {
             return;
         }
-        self.belief.has_opened = false;
+        let aim = if self.belief.has_opened || route.is_tight {
+            self.belief.has_opened = false;
+            Aim::Better
+        } else if route.careful_until < self.s + CARE * self.online.horizon {
+            Aim::Renewal
+        } else {
+            return;
+        };
         self.next_improvement = motion.time + self.online.improve_period;
-        self.pending = self.search(motion, view, true, false).ok();
+        self.pending = self.search(motion, view, aim, false).ok();
     }
 
     /// There is no way on for now: the more room is left, the more ways there are.

@@ -17,10 +17,24 @@ pub(super) const PATIENCE: u64 = 2;
 /// A last piece shorter than this is left out, m.
 const NO_PIECE: f64 = 1e-9;
 
+/// Rounds of quadratic programmes for one curve while riding: what needs more seldom succeeds with more.
+const QUICK_ROUNDS: u32 = 12;
+
+/// What a search is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Aim {
+    /// The route is blocked.
+    AnyWay,
+    /// The route is free; something clearly cheaper.
+    Better,
+    /// The route is free; the same way with care as far as the horizon.
+    Renewal,
+}
+
 /// What is looked for.
 struct Query<'q> {
     previous: Previous<'q>,
-    is_improvement: bool,
+    aim: Aim,
     stands: bool,
     /// Times the iterations that a search may take while riding.
     patience: u64,
@@ -41,7 +55,7 @@ impl Navigator {
         &mut self,
         motion: &Motion,
         view: View,
-        is_improvement: bool,
+        aim: Aim,
         stands: bool,
     ) -> Result<Route, Halt> {
         self.plans += 1;
@@ -63,16 +77,14 @@ impl Navigator {
                 now: self.s,
                 at,
             },
-            is_improvement,
+            aim,
             stands,
             patience: if stands { PATIENCE } else { 1 },
             ready: motion.time + self.online.latency,
         };
         let mut over_poses = false;
-        let mut is_thorough = is_improvement;
-        let found = if is_improvement {
-            self.along_guides(&query, true).map_err(|vain| vain.halt)
-        } else {
+        let mut is_thorough = aim == Aim::Better;
+        let found = if aim == Aim::AnyWay {
             self.along_guides(&query, false).or_else(|vain| {
                 if vain.is_settled {
                     return Err(vain.halt);
@@ -81,14 +93,21 @@ impl Navigator {
                 if let Some(route) = self.over_poses(&query) {
                     return Ok(route);
                 }
+                // While the bike rides, the next place is a better help than a longer search.
+                if !stands {
+                    return Err(vain.halt);
+                }
                 is_thorough = true;
                 self.along_guides(&query, true).map_err(|vain| vain.halt)
             })
+        } else {
+            let found = self.along_guides(&query, is_thorough);
+            found.map_err(|vain| vain.halt)
         };
         self.searched = Some(Searched {
             at,
             at_rest: stands,
-            is_improvement,
+            is_improvement: aim != Aim::AnyWay,
             found: found.as_ref().ok().map(|route| route.cause),
             over_poses,
             is_thorough,
@@ -100,19 +119,21 @@ impl Navigator {
     fn along_guides(&self, query: &Query<'_>, thorough: bool) -> Result<Route, InVain> {
         let Query {
             previous,
-            is_improvement,
+            aim,
             stands,
             ..
         } = *query;
+        let is_improvement = aim != Aim::AnyWay;
         let seed = self
             .seed
             .wrapping_add(self.plans.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         let budget = Budget::of_iterations(self.online.iterations.saturating_mul(query.patience));
         let replanning = ReplanParams {
-            improve: is_improvement,
+            improve: aim == Aim::Better,
+            renew: aim == Aim::Renewal,
             gain: self.online.gain,
             detour: self.online.detour,
-            horizon: (!is_improvement).then_some(self.online.horizon),
+            horizon: (aim != Aim::Better).then_some(self.online.horizon),
             thorough,
         };
         let settled = |halt| InVain {
@@ -122,7 +143,10 @@ impl Navigator {
         let mut halt = Halt::BlockedAhead;
         for (index, (outline, margin)) in self.rooms.iter().enumerate() {
             let problem = self.problem(outline.clone());
-            let params = self.with_margin(*margin);
+            let mut params = self.with_margin(*margin);
+            if !thorough {
+                params.refine_rounds = params.refine_rounds.min(QUICK_ROUNDS);
+            }
             // Nonsense was refused by the first plan; what is left is a start curvature a hair beyond the limit.
             let Ok(found) = replan(&problem, &params, &replanning, &previous, seed, &budget) else {
                 continue;
@@ -146,11 +170,15 @@ impl Navigator {
                 continue;
             };
             let left = previous.curves.length() - previous.at;
-            if is_improvement && new.length() > (1.0 - self.online.gain) * left {
+            if aim == Aim::Better && new.length() > (1.0 - self.online.gain) * left {
                 return Err(settled(halt));
             }
             if let Some(route) = self.route_by(query, &new, cause, found.iterations, index > 0) {
-                return Ok(route);
+                let careful = found.careful_until.map(|careful| previous.at + careful);
+                return Ok(Route {
+                    careful_until: careful.unwrap_or(f64::INFINITY),
+                    ..route
+                });
             }
         }
         // A proof for the tighter outline is one for all.
@@ -202,6 +230,7 @@ impl Navigator {
                 cause,
                 iterations,
                 is_tight,
+                careful_until: f64::INFINITY,
                 ready: query.ready,
             })
     }
