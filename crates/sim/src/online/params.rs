@@ -97,7 +97,7 @@ impl Default for OnlineParams {
             states: 10_000,
             starts: 8,
             tracking_allowance: 0.03,
-            plan_margin: 0.05,
+            plan_margin: 0.1,
             stop_margin: 0.15,
             search_period: 0.2,
             improve_period: 2.0,
