@@ -1,6 +1,8 @@
 //! `bikebot`, the command line: reads files, shows results, decides exit codes.
 //! All thinking is done by the libraries below.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 mod args;
 mod commands;
 mod diag;

@@ -15,6 +15,8 @@
 //! counter-clockwise from +x. Roll is positive to the right, the balancer angle is
 //! measured from the body in the same sense, steering is positive to the left.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 mod authority;
 pub mod balance;
 pub mod braking;

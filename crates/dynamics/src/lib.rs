@@ -20,6 +20,8 @@
 //! SI units and radians throughout. Frames and signs are written down once, in
 //! `docs/frames.md`: roll is positive to the right, steer and yaw are positive to the left.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 pub mod actuator;
 pub mod bike;
 mod chance;

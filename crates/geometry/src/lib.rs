@@ -10,6 +10,8 @@
 //! * [`ArcLength`] and [`CurvePath`]: travelling along curves by distance, Eq. (6)–(7).
 //! * [`Polyline`]: the guide of a corridor, with projection onto it.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 pub mod angle;
 mod arc_length;
 mod bernstein;

@@ -21,6 +21,8 @@
 //! Nothing here corrects the poses: they are taken as measured, and their uncertainty is a parameter. SI units and radians; frames and
 //! signs as in `docs/frames.md`.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 mod beam;
 mod belief;
 mod beside;

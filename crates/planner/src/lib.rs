@@ -5,6 +5,8 @@
 //! curvatures 1/m. Nothing here reads a clock, opens a file or draws from a global source of chance:
 //! equal inputs and an equal seed give an equal report, bit for bit.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 pub mod baseline;
 pub mod birrt;
 pub mod budget;

@@ -11,6 +11,8 @@
 //!
 //! What people see is `python/bikebot`; docstrings here are what `help` shows.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 mod arguments;
 mod arrays;
 mod errors;

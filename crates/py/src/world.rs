@@ -64,6 +64,10 @@ impl Field {
     }
 
     /// The world.
+    #[expect(
+        clippy::expect_used,
+        reason = "the constructor checks that there is one"
+    )]
     pub fn world(&self) -> &World {
         match &self.holder {
             Holder::Own(world) => world,

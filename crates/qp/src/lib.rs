@@ -22,6 +22,8 @@
 //! How a solve ended is a [`Status`], in the [`Summary`]; input that makes no sense is a
 //! [`QpError`] from the call that gave it. All quantities are in the caller's own units.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 mod answer;
 mod banded;
 mod dense;

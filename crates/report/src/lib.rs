@@ -12,6 +12,8 @@
 //! bytes; labels are outlines too, so that a picture needs no fonts; and the curves of a path are drawn as the
 //! cubics they are.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 pub mod axis;
 pub mod drawing;
 mod eigenvalue_figure;

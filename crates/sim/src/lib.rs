@@ -9,6 +9,8 @@
 //! [`closed_loop::run`] plays it. Nothing here opens a file, prints, or reads a clock: the caller
 //! lends what is needed.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 mod chance;
 pub mod clock;
 pub mod closed_loop;

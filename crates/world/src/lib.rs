@@ -21,6 +21,8 @@
 //!
 //! Frame: x right, y up, metres; angles in radians, counter-clockwise from +x.
 
+#![cfg_attr(not(test), warn(clippy::unwrap_used, clippy::expect_used))]
+
 mod bottlenecks;
 mod boundary;
 mod changes;

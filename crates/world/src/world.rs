@@ -62,6 +62,10 @@ impl World {
     /// # Errors
     ///
     /// As [`World::new`] and [`World::from_grid`], or if `bounds` and grid do not overlap.
+    #[expect(
+        clippy::expect_used,
+        reason = "only a stop leaves nothing, and nobody stops"
+    )]
     pub fn build(
         bounds: Bounds,
         obstacles: Vec<Obstacle>,

@@ -359,11 +359,13 @@ impl Mechanism {
             (arm, Some(mass), balancer.moments.x, balancer.mass)
         });
 
+        #[expect(clippy::expect_used, reason = "the joints were inserted above")]
         let multibody = world
             .multibody_joints
             .rigid_body_link(frame)
             .expect("the frame was just joined to its wheels")
             .multibody;
+        #[expect(clippy::expect_used, reason = "the joints were inserted above")]
         let coordinate = |body: RigidBodyHandle, axis: usize| {
             let id = world
                 .multibody_joints

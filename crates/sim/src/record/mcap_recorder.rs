@@ -319,6 +319,7 @@ impl<W: Write + Seek> McapRecorder<W> {
     ) -> Result<(), RecordError> {
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
+        #[expect(clippy::expect_used, reason = "a vector grows as it must")]
         message
             .encode(&mut buffer)
             .expect("encoding fails only for want of room, and a vector grows");
