@@ -1,22 +1,26 @@
 """What Python costs: beside the criterion benches, for the installed package.
 
     python benches/python.py            a minute or two
-    python benches/python.py --full     the sweep of 2000 runs
+    python benches/python.py --full     the sweep of 2000 runs, three times on one thread, on two, and through Dask
+    python benches/python.py --sweeps   sweeps alone
 
 With the program built (target/release/bikebot, or BIKEBOT_PROGRAM) its own figure for the same plans stands beside.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import statistics
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bikebot
 
@@ -100,26 +104,66 @@ def pace(seconds: float = 1.0) -> None:
     print(f"pace of another thread: {100 * beside / alone:.0f} %")
 
 
-def sweeps(full: bool) -> None:
-    """A sweep on one thread and on two."""
+def sweeps(full: bool, rounds: int = 3) -> None:
+    """A sweep on one thread, on two, and on two worker processes of Dask, in turns; the best round of each counts.
+
+    Beside the times stand seconds of processor, which other programs on the machine disturb less.
+    """
     scenario = bikebot.Scenario.load(SCENARIOS / "course.toml")
     count = 2000 if full else 200
-    tables, times = [], []
-    for threads in (1, 2):
-        began = time.perf_counter()
-        tables.append(bikebot.sweep(scenario, seeds=range(count), threads=threads))
-        times.append(time.perf_counter() - began)
-    assert tables[0].equals(tables[1])
-    print(
-        f"sweep of {count} runs: {times[0]:.1f} s on one thread, {times[1]:.1f} s on two: {times[0] / times[1]:.2f} times as fast"
-    )
+    wall: dict[str, list[float]] = {}
+    busy: dict[str, list[float]] = {}
+
+    def measure(name: str, processor: Callable[[], float], **how: Any) -> bikebot.Table:
+        began, used = time.perf_counter(), processor()
+        table = bikebot.sweep(scenario, seeds=range(count), **how)
+        wall.setdefault(name, []).append(time.perf_counter() - began)
+        busy.setdefault(name, []).append(processor() - used)
+        return table
+
+    with contextlib.ExitStack() as stack:
+        client = None
+        try:
+            import distributed
+        except ImportError:
+            print("sweep on Dask: skipped, pip install bikebot[dask]")
+        else:
+            cluster = distributed.LocalCluster(
+                n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+            )
+            client = stack.enter_context(distributed.Client(stack.enter_context(cluster)))
+            # Workers import bikebot with the first chunk.
+            bikebot.sweep(scenario, seeds=range(4), executor=client, chunk=1)
+        for _ in range(rounds):
+            one = measure("one thread", time.process_time, threads=1)
+            assert measure("two threads", time.process_time, threads=2).equals(one)
+            if client is not None:
+                workers = client
+
+                def processor() -> float:
+                    return time.process_time() + sum(workers.run(time.process_time).values())
+
+                assert measure("Dask", processor, executor=client).equals(one)
+        with tempfile.TemporaryDirectory() as folder:
+            assert measure("two threads, kept", time.process_time, threads=2, resume=folder).equals(one)
+    for name, times in wall.items():
+        print(
+            f"sweep of {count} runs, {name}: {min(times):.2f} s, {min(busy[name]):.2f} s of processor"
+            f" ({', '.join(f'{it:.2f}' for it in times)})"
+        )
+    best = {name: min(times) for name, times in wall.items()}
+    print(f"sweep: {best['one thread'] / best['two threads']:.2f} times as fast on two threads (1.8 wanted)")
+    if "Dask" in best:
+        more = [100 * (min(it["Dask"]) / min(it["two threads"]) - 1) for it in (wall, busy)]
+        print(f"sweep: Dask takes {more[0]:+.1f} % (15 wanted), {more[1]:+.1f} % in seconds of processor")
 
 
 def main() -> None:
     print(f"bikebot {bikebot.__version__}, Python {sys.version.split()[0]}, {os.cpu_count()} cores")
-    plans()
-    overhead()
-    pace()
+    if "--sweeps" not in sys.argv:
+        plans()
+        overhead()
+        pace()
     sweeps("--full" in sys.argv)
 
 

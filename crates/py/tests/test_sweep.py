@@ -133,22 +133,3 @@ def test_a_case_that_makes_no_sense_is_a_row_with_its_message():
     table = bikebot.sweep(scenario, vary={"start.x_m": [start, x0 + 0.01]})
     assert table["outcome"].tolist()[1] == "invalid" and table["error"][1] and not table["passed"][1]
     assert np.isnan(table["distance_m"][1]) and table["error"][0] == ""
-
-
-def test_tables_become_what_others_read(table, tmp_path):
-    file = tmp_path / "rows.csv"
-    table.to_csv(file)
-    with open(file, newline="") as lines:
-        rows = list(csv.DictReader(lines))
-    assert [float(row["roll_max_deg"]) for row in rows] == table["roll_max_deg"].tolist()
-    assert [row["result_hash"] for row in rows] == table["result_hash"].tolist()
-    assert rows[0]["end_position_error_m"] == "" and "<table>" in table._repr_html_()
-    frame = pytest.importorskip("pandas") and table.to_pandas()
-    assert frame.shape == (18, len(table)) and frame["bike.mode"].iloc[3] == "balancer"
-    arrow = pytest.importorskip("pyarrow") and table.to_arrow()
-    assert arrow.num_rows == 18 and arrow.column("seed").to_pylist() == table["seed"].tolist()
-    table.to_parquet(tmp_path / "rows.parquet")
-    import pyarrow.parquet
-
-    back = pyarrow.parquet.read_table(tmp_path / "rows.parquet")
-    assert back.column("result_hash").to_pylist() == table["result_hash"].tolist()

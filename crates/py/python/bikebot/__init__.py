@@ -24,10 +24,12 @@ from bikebot._bikebot import (
     plan,
     read_log,
 )
-from bikebot._errors import BikebotError, MapError, PlanError, ScenarioError
+from bikebot._chunks import Chunk, run_chunk
+from bikebot._errors import BikebotError, MapError, PlanError, ScenarioError, SweepError
 from bikebot._results import Certificate, Event, Mismatch, Violation, verify
 from bikebot._studies import Eigenvalues, Table2, eigenvalues, table2
-from bikebot._sweep import Chunk, Table, run_chunk, sweep
+from bikebot._sweep import sweep
+from bikebot._table import Table
 
 __all__ = [
     "BikebotError",
@@ -44,6 +46,7 @@ __all__ = [
     "Ride",
     "Scenario",
     "ScenarioError",
+    "SweepError",
     "Table",
     "Table2",
     "Trace",

@@ -94,3 +94,14 @@ class PlanError(BikebotError):
     def __init__(self, message: str, *, reason: str | None = None) -> None:
         super().__init__(message)
         self.reason = reason
+
+
+class SweepError(BikebotError):
+    """A sweep that cannot go on, because those who run its cases die of them again and again.
+
+    `cases` are the numbers of the first and the last case that were lost; None where it is not known which.
+    """
+
+    def __init__(self, message: str, *, cases: tuple[int, int] | None = None) -> None:
+        super().__init__(message)
+        self.cases = cases
