@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`world`], [`plan`], [`planner`], [`scenario`], [`ride`], [`trace`] | the classes of those names |
 //! | [`study`] | Table 2, eigenvalues, the chunks of a sweep |
+//! | [`picture`] | colours and outlines for `bikebot.plot` |
 //! | [`search`] | a question to the planner, from arguments to a report |
 //! | [`arguments`], [`toml_value`], [`files`] | what comes in, checked |
 //! | [`arrays`], [`json`], [`errors`] | what goes out |
@@ -18,6 +19,7 @@ mod arrays;
 mod errors;
 mod files;
 mod json;
+mod picture;
 mod plan;
 mod planner;
 mod ride;
@@ -36,6 +38,8 @@ use pyo3::prelude::*;
 mod _bikebot {
     use super::*;
 
+    #[pymodule_export]
+    use super::picture::{_name_of_key, _outline, _palette};
     #[pymodule_export]
     use super::plan::PyPlan;
     #[pymodule_export]

@@ -485,6 +485,32 @@ impl PyWorld {
         Ok(Some(flat.reshape([grid.height, grid.width])?))
     }
 
+    /// The obstacles that are not cells, as `from_shapes` takes them: a dict of "discs" (n, 3) with x, y, radius, "boxes" (n, 4) with the
+    /// least and the greatest x and y, and "polygons", a list of arrays (k, 2); m.
+    #[getter]
+    fn shapes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (mut discs, mut boxes, mut polygons) = (Vec::new(), Vec::new(), Vec::new());
+        for obstacle in self.field.world().obstacles() {
+            match obstacle {
+                Obstacle::Disc { center, radius } => discs.extend([center.x, center.y, *radius]),
+                Obstacle::Block { min, max } => boxes.extend([min.x, min.y, max.x, max.y]),
+                Obstacle::Polygon { vertices } => {
+                    let flat: Vec<f64> = vertices.iter().flat_map(|v| [v.x, v.y]).collect();
+                    polygons.push(PyArray1::from_vec(py, flat).reshape([vertices.len(), 2])?);
+                }
+            }
+        }
+        let rows = |flat: Vec<f64>, columns: usize| {
+            let count = flat.len() / columns;
+            PyArray1::from_vec(py, flat).reshape([count, columns])
+        };
+        let shapes = PyDict::new(py);
+        shapes.set_item("discs", rows(discs, 3)?)?;
+        shapes.set_item("boxes", rows(boxes, 4)?)?;
+        shapes.set_item("polygons", polygons)?;
+        Ok(shapes)
+    }
+
     /// Signed distance from each point to the nearest obstacle or the edge of the field, m: negative inside of one.
     ///
     /// `points` is an array of shape (n, 2) or a list of (x, y), m; the result has shape (n,).

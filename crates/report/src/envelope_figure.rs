@@ -8,7 +8,7 @@ use crate::axis::{Axis, Chart};
 use crate::drawing::{Area, Drawing, Item, Label, Outline, Style};
 use crate::error::ReportError;
 use crate::legend::{Legend, Swatch};
-use crate::palette::{self, Colour};
+use crate::palette::{self, CAUSES, Colour, OTHER_CAUSE, RECOVERED};
 use std::collections::BTreeMap;
 
 /// Most cells that are drawn, over all panels.
@@ -126,24 +126,11 @@ pub struct EnvelopeFigure {
     pub panels: Vec<Panel>,
 }
 
-/// Colour of a cause, in the order of the legend; causes that have none of their own share the last.
-const CAUSES: [(&str, Colour); 7] = [
-    ("balancer_saturated", palette::VERMILION),
-    ("wheel_lift", palette::BLUE),
-    ("slip", palette::PURPLE),
-    ("roll", palette::ORANGE),
-    ("not_recovered", palette::GREEN),
-    ("obstacle", palette::OBSTACLE),
-    ("steering_stuck", Colour("#8a5a00")),
-];
-const OTHER: Colour = palette::INK;
-const RECOVERED: Colour = Colour("#d7ecf8");
-
 fn colour_of(cause: &str) -> Colour {
     CAUSES
         .iter()
         .find(|(name, _)| *name == cause)
-        .map_or(OTHER, |(_, colour)| *colour)
+        .map_or(OTHER_CAUSE, |(_, colour)| *colour)
 }
 
 /// Width and height of a panel's map, px, and the room round it.
@@ -297,7 +284,7 @@ impl EnvelopeFigure {
             }
         }
         if !others.is_empty() {
-            legend.row(Swatch::Patch(Style::fill(OTHER)), others.join(", "));
+            legend.row(Swatch::Patch(Style::fill(OTHER_CAUSE)), others.join(", "));
         }
         if cells().any(|cell| cell.recovered > 0 && !cell.failed.is_empty()) {
             legend.row(

@@ -42,3 +42,18 @@ pub const RAMP: [Colour; 7] = [
     Colour("#d0a544"),
     Colour("#f0c419"),
 ];
+
+/// Envelope maps: where the bike recovers.
+pub const RECOVERED: Colour = Colour("#d7ecf8");
+/// Envelope maps: what it fails for elsewhere, in the order of the legend. Each is darker than [`RECOVERED`].
+pub const CAUSES: [(&str, Colour); 7] = [
+    ("balancer_saturated", VERMILION),
+    ("wheel_lift", BLUE),
+    ("slip", PURPLE),
+    ("roll", ORANGE),
+    ("not_recovered", GREEN),
+    ("obstacle", OBSTACLE),
+    ("steering_stuck", Colour("#8a5a00")),
+];
+/// Envelope maps: causes that have no colour of their own share this.
+pub const OTHER_CAUSE: Colour = INK;
