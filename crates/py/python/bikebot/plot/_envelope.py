@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from bikebot import _bikebot
 from bikebot._table import Table
-from bikebot.plot._style import CAUSES, COLORS, SMALL, framed, must_be, new_axes
+from bikebot.plot._style import CAUSES, COLORS, SMALL, below, framed, must_be, new_axes
 
 #: Side of the patch in a cell where some runs fail, as a part of the cell.
 PATCH = 0.45
@@ -81,8 +81,16 @@ def envelope(
     axes.set_title(share, loc="right", fontsize=SMALL, color=COLORS["grey"])
     if legend:
         handles = _legend(cells)
-        below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.15), "ncols": 2}
-        axes.legend(handles=handles, **below, frameon=False, fontsize=SMALL, labelcolor=COLORS["ink"])
+        axes.legend(
+            handles=handles,
+            loc="upper center",
+            bbox_to_anchor=(0.5, 0.0),
+            bbox_transform=below(axes),
+            ncols=2,
+            frameon=False,
+            fontsize=SMALL,
+            labelcolor=COLORS["ink"],
+        )
     return axes
 
 

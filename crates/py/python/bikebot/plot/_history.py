@@ -173,12 +173,13 @@ def history(
         if low - 0.6 * spread <= level <= high + 0.6 * spread:
             axes.axhline(level, color=COLORS["ink"], linewidth=0.9, linestyle=(0, (5, 3.3)))
             low, high = min(low, level), max(high, level)
-    margin = 0.08 * max(high - low, 1e-9)
+    margin = 0.08 * (high - low) if high - low > 1e-9 else 1.0
     axes.set_ylim(low - margin, high + margin)
     axes.set_xlim(0.0, max(end, 1e-9))
     heading = f"{chart.title}, {chart.unit}" if chart.unit else chart.title
     charted(axes, heading, f"largest {significant(most)} {chart.unit}".replace(" °", "°"), "time, s")
-    legend_inside(axes)
+    # Flat: several names one below the other would cover what they are names of.
+    legend_inside(axes, 1 if len(found) == 1 else min(len(found), 4))
     return axes
 
 

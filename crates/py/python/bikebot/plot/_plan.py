@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from bikebot import _bikebot
 from bikebot.plot import _ground
@@ -239,14 +239,16 @@ def search(plan: Plan, ax: Axes | None = None) -> Axes:
         ends = np.append(time[counts], max(plan.time, float(time[counts][-1])))
         axes.step(ends, np.append(best, best[-1]), where="post", color=COLORS["grey"], linewidth=1.0, zorder=2)
     stages = np.asarray(trace["stage"])
-    for stage in dict.fromkeys(stages[is_good].tolist()):
+    for shape, stage in zip("osD^vP", dict.fromkeys(stages[is_good].tolist()), strict=False):
         here = is_good & (stages == stage)
         colour = COLORS[STAGES.get(stage, "vermilion")]
-        marks: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 4.5, "markerfacecolor": "white"}
+        marks: dict[str, Any] = {"linestyle": "none", "marker": shape, "markersize": 4.5, "markerfacecolor": "white"}
         label = stage.replace("_", " ")
         axes.plot(time[here], cost[here], **marks, color=colour, markeredgewidth=1.5, label=label, zorder=3)
     if is_good.any():
         axes.set_xscale("log")
+        few = float(time[is_good].max()) < 50.0 * float(time[is_good].min())
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=9))
         axes.xaxis.set_major_formatter(FuncFormatter(_duration))
         axes.xaxis.set_minor_formatter(FuncFormatter(lambda *_: ""))
         axes.legend(fontsize=SMALL - 0.5, labelcolor=COLORS["ink"], framealpha=0.85, edgecolor=COLORS["rule"])

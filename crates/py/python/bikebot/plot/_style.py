@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.transforms import ScaledTranslation, Transform
 
 from bikebot import _bikebot
 
@@ -78,6 +79,11 @@ def charted(axes: Axes, heading: str, remark: str, below: str) -> None:
     axes.set_xlabel(below, fontsize=SMALL + 1, color=COLORS["ink"])
 
 
+def below(axes: Axes) -> Transform:
+    """Below the ticks and the name of the axis, however high the Axes are: to be put together with (0.5, 0)."""
+    return axes.transAxes + ScaledTranslation(0.0, -0.52, axes.figure.dpi_scale_trans)
+
+
 def legend_below(axes: Axes, columns: int = 3) -> None:
     """The legend under a map, out of the way of all that is drawn."""
     handles, labels = axes.get_legend_handles_labels()
@@ -88,7 +94,8 @@ def legend_below(axes: Axes, columns: int = 3) -> None:
             list(kept.values()),
             list(kept),
             loc="upper center",
-            bbox_to_anchor=(0.5, -0.11),
+            bbox_to_anchor=(0.5, 0.0),
+            bbox_transform=below(axes),
             ncols=columns,
             frameon=False,
             fontsize=SMALL,
@@ -96,11 +103,20 @@ def legend_below(axes: Axes, columns: int = 3) -> None:
         )
 
 
-def legend_inside(axes: Axes) -> None:
-    """A small legend inside a chart, if anything has a label."""
+def legend_inside(axes: Axes, columns: int = 1) -> None:
+    """A small legend inside a chart, if there is more than one thing to tell."""
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1:
-        axes.legend(fontsize=SMALL - 0.5, labelcolor=COLORS["ink"], framealpha=0.85, edgecolor=COLORS["rule"], loc="best")
+        axes.legend(
+            ncols=columns,
+            fontsize=SMALL - 0.5,
+            labelcolor=COLORS["ink"],
+            framealpha=0.85,
+            edgecolor=COLORS["rule"],
+            loc="best",
+            columnspacing=1.2,
+            handlelength=2.4,
+        )
 
 
 def significant(value: float, digits: int = 3) -> str:
