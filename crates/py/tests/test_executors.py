@@ -113,6 +113,15 @@ def test_an_executor_that_never_keeps_what_it_is_given_ends_in_an_error(ride):
         bikebot.sweep(ride, seeds=SEEDS, executor=executor, chunk=10)
 
 
+def test_workers_of_another_version_are_told(ride):
+    class Older(ThreadPoolExecutor):
+        def submit(self, function, /, *arguments):
+            return super().submit(lambda: (*function(*arguments)[:2], "0.0.1"))
+
+    with Older(1) as executor, pytest.raises(bikebot.SweepError, match="bikebot 0.0.1, and"):
+        bikebot.sweep(ride, seeds=range(3), executor=executor)
+
+
 def test_an_executor_that_was_shut_down_is_refused(ride):
     executor = ThreadPoolExecutor(1)
     executor.shutdown()

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bikebot import _bikebot
 from bikebot._chunks import Changes, Chunk, Columns, run_chunk
 from bikebot._dask import Cluster
 from bikebot._errors import SweepError
@@ -63,13 +64,17 @@ class Stopped(Exception):
     """Ends the work of a thread whose sweep has ended."""
 
 
-def run_timed(chunk: Chunk, attempt: int) -> tuple[Columns, float]:
-    """What an executor is given: the columns of a chunk, and the seconds they took.
+#: Columns, seconds they took, and version of the bikebot that made them.
+Done = tuple[Columns, float, str]
+
+
+def run_timed(chunk: Chunk, attempt: int) -> Done:
+    """What an executor is given.
 
     `attempt` makes a task of its own of a chunk that is handed out again, where tasks are known by their arguments, as by Dask.
     """
     began = time.perf_counter()
-    return run_chunk(chunk), time.perf_counter() - began
+    return run_chunk(chunk), time.perf_counter() - began, _bikebot.__version__
 
 
 class Threads(ThreadPoolExecutor):
@@ -79,7 +84,7 @@ class Threads(ThreadPoolExecutor):
         super().__init__(count, thread_name_prefix="bikebot sweep")
         self.ended = threading.Event()
 
-    def run(self, chunk: Chunk, attempt: int) -> tuple[Columns, float]:
+    def run(self, chunk: Chunk, attempt: int) -> Done:
         """As `run_timed`."""
 
         def look(_: float) -> None:
@@ -87,7 +92,7 @@ class Threads(ThreadPoolExecutor):
                 raise Stopped
 
         began = time.perf_counter()
-        return run_chunk(chunk, progress=look), time.perf_counter() - began
+        return run_chunk(chunk, progress=look), time.perf_counter() - began, _bikebot.__version__
 
     def end(self) -> None:
         """Asks what runs to stop, and waits for none of it."""
@@ -118,7 +123,7 @@ class Spread:
         self.open: deque[list[int]] = deque(self._gaps())
         #: Chunks that were lost, and how often.
         self.again: deque[tuple[Chunk, int]] = deque()
-        self.out: dict[Future[tuple[Columns, float]], tuple[Chunk, int]] = {}
+        self.out: dict[Future[Done], tuple[Chunk, int]] = {}
         self.seconds, self.timed = 0.0, 0
         self.workers, self.counted = 1, -np.inf
         self.heard = time.monotonic()
@@ -213,10 +218,10 @@ class Spread:
             raise ValueError(f"executor takes no work: {error}") from error
         self.out[future] = (chunk, losses)
 
-    def _take(self, future: Future[tuple[Columns, float]]) -> None:
+    def _take(self, future: Future[Done]) -> None:
         chunk, losses = self.out.pop(future)
         try:
-            columns, seconds = future.result()
+            columns, seconds, version = future.result()
         except (CancelledError, asyncio.CancelledError, BrokenExecutor) as error:
             self._lost(chunk, losses + 1, error)
             return
@@ -227,6 +232,10 @@ class Spread:
                 return
             # What a worker raised ends the sweep.
             raise
+        if version != _bikebot.__version__:
+            raise SweepError(
+                f"a worker has bikebot {version}, and {_bikebot.__version__} is here: rows of two versions do not belong in one table"
+            )
         self.heard = time.monotonic()
         self.seconds += seconds
         self.timed += len(chunk)
