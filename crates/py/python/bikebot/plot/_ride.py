@@ -87,11 +87,21 @@ def ride(
     _ends(ride, axes)
     axes.set_title(_facts(ride), fontsize=SMALL, color=COLORS["ink"])
     if world is None:
-        axes.autoscale_view()
-        axes.margins(0.05)
+        _around(axes, [ride])
     if legend:
         legend_below(axes)
     return axes
+
+
+def _around(axes: Axes, rides: list[Ride]) -> None:
+    """Limits around all that was ridden, for rides without a map."""
+    at = np.concatenate([np.column_stack([ride.trace["x_m"], ride.trace["y_m"]]) for ride in rides])
+    at = at[np.isfinite(at).all(axis=1)]
+    if len(at):
+        low, high = at.min(axis=0), at.max(axis=0)
+        margin = 1.0 + 0.05 * float((high - low).max())
+        axes.set_xlim(low[0] - margin, high[0] + margin)
+        axes.set_ylim(low[1] - margin, high[1] + margin)
 
 
 def _facts(ride: Ride) -> str:
@@ -163,8 +173,7 @@ def compare(
             axes.plot(*end, "X", color=look["color"], markersize=9, markeredgecolor="white", zorder=4.5)
     _ends(first, axes)
     if world is None:
-        axes.autoscale_view()
-        axes.margins(0.05)
+        _around(axes, list(found.values()))
     if legend:
         legend_below(axes, columns=2)
     return axes
