@@ -10,9 +10,10 @@ use nalgebra::Vector4;
 
 use crate::controller::{Controller, check_finite};
 use crate::error::ControlError;
+use crate::external::{BalancerView, External, ExternalBalancer, asked_balancer};
 use crate::lqr;
 use crate::observer::RollMomentObserver;
-use crate::output_zeroing::{OutputReference, OutputZeroing};
+use crate::output_zeroing::{OutputDerivatives, OutputReference, OutputZeroing};
 use crate::params::{BalanceLawKind, BalanceParams};
 use crate::predictive::{Predicted, Predictive, SteeringRoom, Trouble};
 use crate::roll_model::{RollModel, TurnMoment};
@@ -35,6 +36,15 @@ pub struct BalanceOutput {
     pub output: f64,
     /// Steering rate that the predictive law adds to the follower's, rad/s.
     pub steer_rate: f64,
+}
+
+/// What a law is based on at a tick.
+#[derive(Debug, Clone, Copy)]
+struct Observed {
+    estimate: f64,
+    reference: OutputReference,
+    d: OutputDerivatives,
+    decoupling: f64,
 }
 
 /// The balance law at a movable balancer offset.
@@ -173,6 +183,78 @@ impl BalanceLaw {
         room: Option<&SteeringRoom>,
         dt: f64,
     ) -> BalanceOutput {
+        let seen = self.observe(state, turn, lean, dt);
+        let Observed {
+            estimate,
+            reference,
+            d,
+            decoupling,
+        } = &seen;
+        let kind = if decoupling.abs() < self.guard {
+            BalanceLawKind::Lqr
+        } else {
+            self.kind
+        };
+        let predicted = (kind == BalanceLawKind::Mpc)
+            .then(|| self.predict(state, turn, reference, *estimate, room, dt))
+            .flatten();
+        let (kind, wanted) = match (kind, predicted) {
+            (BalanceLawKind::Mpc, Some(predicted)) => (kind, predicted.torque),
+            (BalanceLawKind::Lqr, _) => (kind, self.quadratic_torque(state, turn, reference)),
+            _ => {
+                let w = self.zeroing.balancer_acceleration(d);
+                (
+                    BalanceLawKind::OutputZeroing,
+                    OutputZeroing::torque(&self.model, state, turn, d, w),
+                )
+            }
+        };
+        let limit = self.bike.balancer_torque_max;
+        let wanted = self.handover.pass(kind, wanted, limit, dt);
+        self.handover.last = Some((kind, wanted.clamp(-limit, limit)));
+        BalanceOutput {
+            fallback: kind != self.kind,
+            steer_rate: predicted.map_or(0.0, |predicted| predicted.steer_rate),
+            ..self.given(wanted, state, &seen)
+        }
+    }
+
+    /// The same with the torque of a law from outside in place of ours, told of `time`, s.
+    ///
+    /// # Errors
+    ///
+    /// What it declines, or a torque that is no number.
+    pub fn tick_by(
+        &mut self,
+        balancer: &mut dyn ExternalBalancer,
+        time: f64,
+        state: &TwoLinkState,
+        turn: &TurnMoment,
+        lean: &OutputReference,
+        dt: f64,
+    ) -> Result<BalanceOutput, ControlError> {
+        let seen = self.observe(state, turn, lean, dt);
+        let view = BalancerView {
+            time,
+            period: dt,
+            state,
+            turn,
+            reference: seen.reference,
+            moment_estimate: seen.estimate,
+            offset: self.model.offset,
+        };
+        let wanted = asked_balancer(balancer, &view)?;
+        Ok(self.given(wanted, state, &seen))
+    }
+
+    /// What every law is based on: the observer's estimate, the lean with its share, the output.
+    fn observe(
+        &mut self,
+        state: &TwoLinkState,
+        turn: &TurnMoment,
+        lean: &OutputReference,
+        dt: f64,
+    ) -> Observed {
         let estimate = if let Some(observer) = &mut self.observer {
             let modelled = self.model.gravity(state).value + self.model.turning(state, turn).value;
             observer.update(self.model.momentum(state), modelled, dt);
@@ -187,30 +269,18 @@ impl BalanceLaw {
         let d = self
             .zeroing
             .derivatives(&self.model, state, turn, estimate, &reference);
-        let decoupling = d.decoupling / self.upright_decoupling;
-        let kind = if decoupling.abs() < self.guard {
-            BalanceLawKind::Lqr
-        } else {
-            self.kind
-        };
-        let predicted = (kind == BalanceLawKind::Mpc)
-            .then(|| self.predict(state, turn, &reference, estimate, room, dt))
-            .flatten();
-        let (kind, wanted) = match (kind, predicted) {
-            (BalanceLawKind::Mpc, Some(predicted)) => (kind, predicted.torque),
-            (BalanceLawKind::Lqr, _) => (kind, self.quadratic_torque(state, turn, &reference)),
-            _ => {
-                let w = self.zeroing.balancer_acceleration(&d);
-                (
-                    BalanceLawKind::OutputZeroing,
-                    OutputZeroing::torque(&self.model, state, turn, &d, w),
-                )
-            }
-        };
+        Observed {
+            estimate,
+            reference,
+            decoupling: d.decoupling / self.upright_decoupling,
+            d,
+        }
+    }
+
+    /// The answer that `wanted` N m come to within the limits of the motor.
+    fn given(&self, wanted: f64, state: &TwoLinkState, seen: &Observed) -> BalanceOutput {
         let limit = self.bike.balancer_torque_max;
-        let wanted = self.handover.pass(kind, wanted, limit, dt);
         let mut torque = wanted.clamp(-limit, limit);
-        self.handover.last = Some((kind, torque));
         if state.balancer_rate.abs() >= self.bike.balancer_speed_max
             && torque * state.balancer_rate > 0.0
         {
@@ -219,11 +289,11 @@ impl BalanceLaw {
         BalanceOutput {
             torque,
             saturated: torque != wanted,
-            decoupling,
-            fallback: kind != self.kind,
-            moment_estimate: estimate,
-            output: d.y,
-            steer_rate: predicted.map_or(0.0, |predicted| predicted.steer_rate),
+            decoupling: seen.decoupling,
+            fallback: false,
+            moment_estimate: seen.estimate,
+            output: seen.d.y,
+            steer_rate: 0.0,
         }
     }
 
@@ -349,6 +419,29 @@ impl BalanceController {
             &TurnMoment::default(),
             &OutputReference::default(),
             None,
+            self.period,
+        )
+    }
+
+    /// As [`BalanceController::torque`], with the law that `external` lends in place of ours.
+    ///
+    /// # Errors
+    ///
+    /// As [`BalanceLaw::tick_by`].
+    pub fn torque_with(
+        &mut self,
+        state: &TwoLinkState,
+        external: &mut External<'_>,
+    ) -> Result<BalanceOutput, ControlError> {
+        let Some(balancer) = external.balancer.as_deref_mut() else {
+            return Ok(self.torque(state));
+        };
+        self.law.tick_by(
+            balancer,
+            external.time,
+            state,
+            &TurnMoment::default(),
+            &OutputReference::default(),
             self.period,
         )
     }

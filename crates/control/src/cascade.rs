@@ -28,6 +28,7 @@ use crate::balance::{BalanceLaw, BalanceOutput, check_period};
 use crate::braking::{BRAKE_GAIN, BrakingLimits, CREEP_SPEED, HOLD_GAIN};
 use crate::controller::{Controller, check_finite};
 use crate::error::ControlError;
+use crate::external::{External, FollowerView, asked};
 use crate::followed_path::{FollowedPath, Projection, RideLimits};
 use crate::follower::{FollowStep, Follower, PlaneMotion, Turning};
 use crate::guardian::{Guardian, Intervention, SupervisorParams, Watched};
@@ -267,6 +268,21 @@ impl RideController {
     ///
     /// [`ControlError::NotFinite`] for a measurement that is not finite.
     pub fn tick(&mut self, m: &Measurement) -> Result<ControlOutput, ControlError> {
+        self.tick_with(m, &mut External::default())
+    }
+
+    /// As [`RideController::tick`], with the follower and the balance law that `external` lends in place
+    /// of ours. The future of a law from outside is not known: the lean preview foresees the ride by the
+    /// follower named in the parameters, from where the bike is.
+    ///
+    /// # Errors
+    ///
+    /// As [`RideController::tick`], and what a law from outside declines or gives that is no number.
+    pub fn tick_with(
+        &mut self,
+        m: &Measurement,
+        external: &mut External<'_>,
+    ) -> Result<ControlOutput, ControlError> {
         check_finite(m)?;
         let dt = self.period;
         let (sin, cos) = m.steer.sin_cos();
@@ -293,7 +309,31 @@ impl RideController {
                 energy: self.follower.rest(),
             }
         } else {
-            let step = self.follower.step(&self.path, m, &projection, dt);
+            let step = match external.follower.as_deref_mut() {
+                None => self.follower.step(&self.path, m, &projection, dt),
+                Some(outside) => {
+                    // Ours only foresees: it begins anew where the bike has come to.
+                    self.follower.resume(&self.path, m, &projection);
+                    let command = asked(
+                        outside,
+                        &FollowerView {
+                            time: external.time,
+                            period: dt,
+                            measured: m,
+                            path: &self.path,
+                            projection,
+                            reference: self.path.reference(projection.s),
+                            ahead: own.distance,
+                            remaining,
+                        },
+                    )?;
+                    FollowStep {
+                        acceleration: command.acceleration,
+                        turning: Turning::SteerRate(command.steer_rate),
+                        energy: None,
+                    }
+                }
+            };
             self.plane_command(m, &step, &projection, remaining)
         };
 
@@ -312,7 +352,7 @@ impl RideController {
         let state = TwoLinkState::from(m);
         let reference = self.lean_reference(m, &turn, plane.acceleration);
         let (balance, wanted_steer_rate) =
-            self.balance(m, &state, &turn, &reference, plane.steer_rate);
+            self.balance(m, &state, &turn, &reference, plane.steer_rate, external)?;
         let steer_rate = self.steerable(wanted_steer_rate, m.steer);
 
         let saturated = balance.torque.abs() >= self.bike.balancer_torque_max;
@@ -518,13 +558,25 @@ impl RideController {
         turn: &TurnMoment,
         reference: &OutputReference,
         follower: f64,
-    ) -> (BalanceOutput, f64) {
+        external: &mut External<'_>,
+    ) -> Result<(BalanceOutput, f64), ControlError> {
         let dt = self.period;
         let error = self.divergent_error(m);
-        let Some(assist) = self.assist.as_mut().filter(|_| self.phase != Phase::Hold) else {
-            return (self.law.tick(state, turn, reference, None, dt), follower);
+        let outside = match external.balancer.as_deref_mut() {
+            None => None,
+            Some(outside) => {
+                Some(
+                    self.law
+                        .tick_by(outside, external.time, state, turn, reference, dt)?,
+                )
+            }
         };
-        if self.law.plans_steering() {
+        let Some(assist) = self.assist.as_mut().filter(|_| self.phase != Phase::Hold) else {
+            let balance =
+                outside.unwrap_or_else(|| self.law.tick(state, turn, reference, None, dt));
+            return Ok((balance, follower));
+        };
+        Ok(if self.law.plans_steering() && outside.is_none() {
             let follower = assist.left_to_follower(follower, &self.bike);
             let room = assist.room(
                 m,
@@ -537,10 +589,11 @@ impl RideController {
             assist.take(balance.steer_rate, dt);
             (balance, follower + balance.steer_rate)
         } else {
-            let balance = self.law.tick(state, turn, reference, None, dt);
+            let balance =
+                outside.unwrap_or_else(|| self.law.tick(state, turn, reference, None, dt));
             let added = assist.proportional(error, m, &self.bike, self.law.model());
             (balance, follower + added)
-        }
+        })
     }
 
     /// Goes over to the balance law that `params` name, without a bump.

@@ -2,6 +2,8 @@
 //!
 //! Falling, saturating or missing the goal are outcomes of a ride and never errors.
 
+use crate::external::Declined;
+
 /// Input that a controller cannot work with.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ControlError {
@@ -88,4 +90,28 @@ pub enum ControlError {
         /// Residual of the Riccati equation relative to the weights.
         residual: f64,
     },
+    /// A controller from outside gave no answer.
+    #[error("the {who} gave no command: {declined}")]
+    Declined {
+        /// `follower` or `balancer`.
+        who: &'static str,
+        /// Why.
+        declined: Declined,
+    },
+    /// A controller from outside gave a command that is no number.
+    #[error("the commanded {quantity} is {value}, not a finite number")]
+    CommandNotFinite {
+        /// Name of the commanded quantity.
+        quantity: &'static str,
+        /// The value that was commanded.
+        value: f64,
+    },
+}
+
+impl ControlError {
+    /// Whether a controller from outside is at fault ([`crate::external`]), and not the ride.
+    #[must_use]
+    pub fn is_from_outside(&self) -> bool {
+        matches!(self, Self::Declined { .. } | Self::CommandNotFinite { .. })
+    }
 }

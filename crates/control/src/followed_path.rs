@@ -16,6 +16,8 @@
 //!
 //! With [`Track::LookAheadPoint`] the plan itself, continued straight by `ell`, is the followed curve.
 
+use std::sync::Arc;
+
 use bikebot_geometry::{CurvePath, Point2, Pose2, Vector2};
 
 mod curve;
@@ -66,7 +68,8 @@ pub struct Projection {
 /// Arc-length table of the followed curve with its speed profile.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FollowedPath {
-    samples: Vec<PathSample>,
+    /// Shared by all that ride the same curve.
+    samples: Arc<Vec<PathSample>>,
     step: f64,
     /// Pose in which the rear contact shall come to rest.
     goal: Pose2,
@@ -75,7 +78,7 @@ pub struct FollowedPath {
     /// Share of the profile's speed that is ridden.
     speed_share: f64,
     /// Arc length of the rear contact on the plan at each sample, m.
-    rear: Vec<f64>,
+    rear: Arc<Vec<f64>>,
     entry: Entry,
     /// The end of authority, once there has been one.
     authority: Option<Authority>,
@@ -172,13 +175,13 @@ impl FollowedPath {
         }
         let speed_max = speeds.iter().copied().fold(0.0, f64::max);
         Ok(Self {
-            samples,
+            samples: Arc::new(samples),
             step,
             goal: path.end_pose(),
             braking: params.braking_deceleration,
             speed_max,
             speed_share: 1.0,
-            rear,
+            rear: Arc::new(rear),
             entry,
             authority: None,
         })
@@ -204,6 +207,12 @@ impl FollowedPath {
     /// The table, from the first to the last sample.
     #[must_use]
     pub fn samples(&self) -> &[PathSample] {
+        &self.samples
+    }
+
+    /// The same, shared: what it was stays as long as it is held.
+    #[must_use]
+    pub fn shared_samples(&self) -> &Arc<Vec<PathSample>> {
         &self.samples
     }
 

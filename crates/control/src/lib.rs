@@ -10,6 +10,7 @@
 //! turn comes. [`cascade::RideController`] joins the three and [`supervisor`] tells it
 //! when to start, cruise, brake and hold. [`RideController::set_stop`] and
 //! [`RideController::replace_path`] let a planner move the end of the way while the bike rides.
+//! Either loop can be somebody else's: [`external`].
 //!
 //! SI units and radians throughout. World frame: x right, y up, heading
 //! counter-clockwise from +x. Roll is positive to the right, the balancer angle is
@@ -24,6 +25,7 @@ pub mod cascade;
 pub mod controller;
 pub mod energy_tank;
 pub mod error;
+pub mod external;
 pub mod followed_path;
 pub mod follower;
 pub mod guardian;
@@ -52,6 +54,7 @@ pub use cascade::{ControlOutput, RideController};
 pub use controller::Controller;
 pub use energy_tank::EnergyTank;
 pub use error::ControlError;
+pub use external::{External, ExternalBalancer, ExternalFollower};
 pub use followed_path::{FollowedPath, PathSample, RideLimits};
 pub use follower::Follower;
 pub use guardian::{Guardian, Intervention, Margin, SupervisorParams};

@@ -10,6 +10,7 @@
 
 mod ride;
 
+pub(crate) use self::ride::{REST_TIME, at_rest};
 use self::ride::{Ridden, Ride};
 use crate::clock::SimTime;
 use crate::error::Error;
@@ -18,6 +19,7 @@ use crate::outcome::{ExpectCheck, Metrics, RunOutcome};
 use crate::picture;
 use crate::record::{Event, LogLevel, NoticeKind, RecordError, Recorder, ResultHasher};
 use crate::setup::{PathSource, Setup};
+use bikebot_control::External;
 use bikebot_geometry::CurvePath;
 use bikebot_planner::{Budget, Outcome, PlanReport, PlannedPath};
 
@@ -92,6 +94,26 @@ pub fn run(
     recorder: &mut dyn Recorder,
     control: RunControl<'_>,
 ) -> Result<RunReport, Error> {
+    run_with(setup, recorder, control, External::default())
+}
+
+/// As [`run`], with the path follower or the balance law that `external` lends in place of ours.
+///
+/// A scenario says nothing of them, so a recording of such a ride is repeated only by whoever lends them
+/// again; its log says so. The same controllers give the same bits.
+///
+/// # Errors
+///
+/// As [`run`]; what a lent controller declines or gives that is no number; a follower where there is no path.
+pub fn run_with(
+    setup: &Setup,
+    recorder: &mut dyn Recorder,
+    control: RunControl<'_>,
+    mut external: External<'_>,
+) -> Result<RunReport, Error> {
+    if external.follower.is_some() && setup.path == PathSource::Standing {
+        return Err(Error::NothingToFollow);
+    }
     let now = || control.clock.map(|clock| clock());
     let began = now();
     let recorder = &mut Persevering {
@@ -108,6 +130,21 @@ pub fn run(
                 text: warning,
             },
         )?;
+    }
+
+    for (name, is_lent) in [
+        ("path follower", external.follower.is_some()),
+        ("balance law", external.balancer.is_some()),
+    ] {
+        if is_lent {
+            recorder.record(
+                SimTime::ZERO,
+                &Event::Log {
+                    level: LogLevel::Info,
+                    text: &format!("the {name} is not one of ours: the scenario alone does not repeat this ride"),
+                },
+            )?;
+        }
     }
 
     let (plan, path, lookout, halt) = match (&setup.path, &setup.online) {
@@ -177,6 +214,7 @@ pub fn run(
             &mut hasher,
             control.stop,
             control.progress,
+            &mut external,
         )?
     };
 
@@ -240,7 +278,7 @@ pub fn plan(setup: &Setup, stop: &(dyn Fn() -> bool + Sync)) -> Result<PlanRepor
 }
 
 /// The curves of a plan, if it found any the bike can follow.
-fn ridden_path(report: &PlanReport) -> Option<CurvePath> {
+pub(crate) fn ridden_path(report: &PlanReport) -> Option<CurvePath> {
     match (&report.outcome, &report.path) {
         (Outcome::Found, Some(PlannedPath::Curves(path))) => Some(path.clone()),
         _ => None,

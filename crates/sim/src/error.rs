@@ -36,4 +36,7 @@ pub enum Error {
     /// The scenario has no map or no goal.
     #[error("the scenario has nothing to plan: it needs a map and a goal")]
     NothingToPlan,
+    /// A follower was lent for a ride on no path.
+    #[error("the scenario has no path to follow: it needs a map and a goal, or [path]")]
+    NothingToFollow,
 }

@@ -15,6 +15,7 @@ mod chance;
 pub mod clock;
 pub mod closed_loop;
 pub mod disturbance;
+pub mod episode;
 mod error;
 pub mod fall_cause;
 pub mod monitor;
@@ -32,10 +33,13 @@ pub mod setup;
 pub mod study;
 pub mod sweep;
 pub mod traffic;
+mod true_bike;
 pub mod true_plant;
 pub mod true_scene;
 
-pub use closed_loop::{Progress, RunControl, RunReport, plan, run};
+/// Controllers from outside, for [`run_with`].
+pub use bikebot_control::external;
+pub use closed_loop::{Progress, RunControl, RunReport, plan, run, run_with};
 pub use error::Error;
 pub use outcome::{Expect, ExpectCheck, Metrics, RunOutcome};
 pub use scenario::{Override, Scenario, ScenarioError, ScenarioFile, json_schema};

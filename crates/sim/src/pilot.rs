@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::record::{ControlSample, PathSample, RidePhase};
 use crate::setup::{ScheduledModeChange, Setup};
 use bikebot_control::{
-    AugmentedEnergy, BalanceController, BrakingLimits, ControlError, Intervention, Phase,
+    AugmentedEnergy, BalanceController, BrakingLimits, ControlError, External, Intervention, Phase,
     RideController,
 };
 use bikebot_dynamics::{BikeState, Command, Measurement, Offset, TwoLinkState};
@@ -108,7 +108,14 @@ impl Pilot {
         self.offset
     }
 
-    pub fn tick(&mut self, t: f64, measured: &Measurement) -> Result<PilotOutput, ControlError> {
+    /// One period from `t` (s) on, with the controllers that `external` lends in place of ours.
+    pub fn tick(
+        &mut self,
+        t: f64,
+        measured: &Measurement,
+        external: &mut External<'_>,
+    ) -> Result<PilotOutput, ControlError> {
+        external.time = t;
         match &mut self.kind {
             Kind::Rider { controller, .. } => {
                 if let Some(change) = self
@@ -123,7 +130,7 @@ impl Pilot {
                         Err(error) => return Err(error),
                     }
                 }
-                let output = controller.tick(measured)?;
+                let output = controller.tick_with(measured, external)?;
                 self.offset = output.offset;
                 let path = controller.followed_path();
                 let reference = path.sample(output.virtual_time);
@@ -173,7 +180,7 @@ impl Pilot {
                 })
             }
             Kind::Balancer(controller) => {
-                let output = controller.torque(&TwoLinkState::from(measured));
+                let output = controller.torque_with(&TwoLinkState::from(measured), external)?;
                 let sample = ControlSample {
                     balancer_torque_command_nm: output.torque,
                     balancer_offset_command_m: self.offset.d,

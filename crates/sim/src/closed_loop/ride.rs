@@ -4,25 +4,24 @@ mod account;
 mod verdict;
 
 use self::account::giving_way_in_words;
+pub(crate) use self::verdict::{REST_TIME, at_rest};
 use super::Progress;
 use crate::chance::{Component, stream};
 use crate::clock::SimTime;
-use crate::disturbance::{Disturbances, MotorFaults, SensorFaults, Turn};
+use crate::disturbance::Turn;
 use crate::error::Error;
 use crate::fall_cause::FallCause;
 use crate::monitor::{Edge, FallMonitor, PassivityMonitor, Verdict};
 use crate::online::{Lookout, Motion, Riding};
 use crate::outcome::{Metrics, RunOutcome};
-use crate::pilot::{Pilot, PilotOutput};
+use crate::pilot::Pilot;
 use crate::record::{Event, LogLevel, NoticeKind, OrderSample, Recorder, ResultHasher, ScanSample};
 use crate::ride_metrics::RideMetrics;
 use crate::setup::Setup;
-use crate::true_plant::{TruePlant, true_offset};
+use crate::true_bike::TrueBike;
 use crate::true_scene::TrueScene;
-use bikebot_dynamics::{
-    Actuators, BikeInput, BikeState, Command, LaserScan, LaserScanner, Measurement, Saturation,
-    Sensors, SweepingLaser,
-};
+use bikebot_control::External;
+use bikebot_dynamics::{BikeState, LaserScan, LaserScanner, Measurement, SweepingLaser};
 use bikebot_geometry::{CurvePath, Point2};
 
 /// Spacing at which the followed curve is recorded, m.
@@ -46,16 +45,7 @@ pub(super) struct Ride<'s> {
     clock: Option<&'s dyn Fn() -> f64>,
     /// Wall-clock time of planning, s.
     replanning: f64,
-    plant: TruePlant,
-    state: BikeState,
-    input: BikeInput,
-    /// Friction of the ground under the rear and the front wheel.
-    friction: [f64; 2],
-    disturbances: Disturbances,
-    actuators: Actuators,
-    motor_faults: MotorFaults,
-    sensors: Sensors,
-    sensor_faults: SensorFaults,
+    bike: TrueBike,
     laser: Option<SweepingLaser>,
     pilot: Pilot,
     falls: FallMonitor,
@@ -108,16 +98,10 @@ impl<'s> Ride<'s> {
             // A free heading is the one the plan chose.
             state.pose.heading = path.start_pose().heading;
         }
-        let sensors = Sensors::new(
-            &setup.noise,
-            &setup.bike,
-            setup.control.seconds(),
-            stream(setup.seed, Component::Sensors),
-        );
         let measured = Measurement::ideal(&state, 0.0);
         let pilot = Pilot::new(setup, path.as_ref(), &measured)?;
-        let offset = true_offset(&setup.bike, &setup.true_bike, setup.mode, pilot.offset());
-        let plant = TruePlant::new(setup, &state, offset)?;
+        let noise = stream(setup.seed, Component::Sensors);
+        let bike = TrueBike::new(setup, state, pilot.offset(), noise)?;
         let laser = match (setup.laser.enabled, &setup.world) {
             (true, Some(_)) => Some(SweepingLaser::new(
                 LaserScanner::new(&setup.laser)?,
@@ -126,24 +110,10 @@ impl<'s> Ride<'s> {
             _ => None,
         };
         Ok(Self {
-            actuators: Actuators::new(plant.params()),
-            motor_faults: MotorFaults::new(plant.params()),
-            disturbances: Disturbances::new(&setup.disturbances, plant.params()),
-            friction: [plant.params().friction; 2],
-            sensor_faults: SensorFaults::new(
-                &setup.disturbances,
-                setup.control,
-                setup.bike.wheelbase,
-                setup.noise.odometry_replay,
-            ),
             falls: FallMonitor::new(setup.control),
             fall_cause: FallCause::default(),
             passivity: PassivityMonitor::default(),
             metrics: RideMetrics::new(setup.plant, path.as_ref()),
-            input: BikeInput {
-                offset,
-                ..BikeInput::default()
-            },
             distance: 0.0,
             resting: SimTime::ZERO,
             rest: state.pose.position,
@@ -153,9 +123,7 @@ impl<'s> Ride<'s> {
             lookout,
             clock,
             replanning: 0.0,
-            plant,
-            state,
-            sensors,
+            bike,
             laser,
             pilot,
         })
@@ -167,6 +135,7 @@ impl<'s> Ride<'s> {
         hasher: &mut ResultHasher,
         stop: &(dyn Fn() -> bool + Sync),
         progress: &mut dyn FnMut(Progress),
+        external: &mut External<'_>,
     ) -> Result<Ridden, Error> {
         let control = self.setup.control;
         // A tenth of a simulated second, in ticks.
@@ -196,8 +165,8 @@ impl<'s> Ride<'s> {
                     length: self.path.as_ref().map_or(0.0, CurvePath::length),
                 });
             }
-            hash_state(hasher, &self.state);
-            let done = self.tick(time, recorder)?;
+            hash_state(hasher, &self.bike.state);
+            let done = self.tick(time, recorder, external)?;
             if let Some(verdict) = done.verdict {
                 return Ok(self.ended(time, tick, verdict.outcome, verdict.reason));
             }
@@ -223,20 +192,24 @@ impl<'s> Ride<'s> {
     }
 
     /// One control period.
-    fn tick(&mut self, time: SimTime, recorder: &mut dyn Recorder) -> Result<Tick, Error> {
+    fn tick(
+        &mut self,
+        time: SimTime,
+        recorder: &mut dyn Recorder,
+        external: &mut External<'_>,
+    ) -> Result<Tick, Error> {
         // Sense.
         let t = time.seconds();
         self.disturb(time, recorder)?;
-        let measured = self
-            .sensors
-            .measure(t, &self.state, self.actuators.steer_rate());
-        let measured = self.sensor_faults.bend(&self.disturbances, t, &measured);
+        let measured = self.bike.measure(t);
         let scan = self.sense(time, recorder)?;
         self.look_ahead(time, &measured, scan.as_ref(), recorder)?;
 
         // Follow and balance.
-        let output = match self.pilot.tick(t, &measured) {
+        let output = match self.pilot.tick(t, &measured, external) {
             Ok(output) => output,
+            // No fault of the ride: whoever lent the controller is told.
+            Err(error) if error.is_from_outside() => return Err(error.into()),
             Err(error) => {
                 let text = error.to_string();
                 recorder.record(
@@ -259,8 +232,15 @@ impl<'s> Ride<'s> {
         };
 
         // Act, and let the world answer. The input that holds at the tick itself is what is recorded.
-        let before = self.state;
-        let saturation = self.integrate(t, &output.command, &output);
+        let before = self.bike.state;
+        let metrics = &mut self.metrics;
+        let saturation = self.bike.act(
+            self.setup,
+            t,
+            &output.command,
+            output.offset,
+            |from, to, input, dt| metrics.work(from, to, input, dt),
+        );
 
         // Judge and write down.
         let facts = self.record(time, &before, &measured, &output, saturation, recorder)?;
@@ -275,7 +255,8 @@ impl<'s> Ride<'s> {
     fn disturb(&mut self, time: SimTime, recorder: &mut dyn Recorder) -> Result<(), Error> {
         let mut told = Ok(());
         let progress = self.metrics.progress();
-        self.disturbances
+        self.bike
+            .disturbances
             .advance(time.seconds(), progress, |Turn { text, size }| {
                 if told.is_ok() {
                     told = recorder.record(
@@ -291,60 +272,6 @@ impl<'s> Ride<'s> {
         Ok(told?)
     }
 
-    fn integrate(&mut self, t: f64, command: &Command, output: &PilotOutput) -> Saturation {
-        let dt = self.setup.step.seconds();
-        let steps = self.setup.control.nanoseconds() / self.setup.step.nanoseconds();
-        let mut saturation = Saturation::default();
-        let setup = self.setup;
-        let offset = true_offset(&setup.bike, &setup.true_bike, setup.mode, output.offset);
-        let mass = self.plant.params().mass();
-        self.plant.begin_tick();
-        for step in 0..steps {
-            let t = t + step as f64 * dt;
-            let bent = self.motor_faults.bend(&self.disturbances, t, dt, command);
-            let applied = self.actuators.apply(
-                &bent.command,
-                self.state.steer,
-                self.state.balancer_rate,
-                dt,
-            );
-            saturation = saturation.or(applied.saturation).or(bent.saturation);
-            let loads = self.disturbances.at(t, dt, &self.state);
-            let mut input = loads.on(
-                BikeInput {
-                    drive_force: applied.drive_force,
-                    steer_rate: applied.steer_rate,
-                    balancer_torque: applied.balancer_torque,
-                    offset,
-                    ..BikeInput::default()
-                },
-                mass,
-            );
-            if bent.steering_is_stuck {
-                input.steer_rate = 0.0;
-                self.actuators.stop_steering();
-            }
-            if bent.balancer_is_stuck {
-                input.balancer_torque = self.plant.jamming_torque(&self.state, &input, dt);
-            }
-            if step == 0 {
-                self.input = input;
-                self.friction = loads.friction;
-            }
-            let before = self.state;
-            if !setup.traffic.is_empty() {
-                self.plant.move_obstacles(&setup.traffic, t + dt);
-            }
-            self.state = self.plant.step(t, &before, &input, loads.friction, dt);
-            self.metrics.work(&before, &self.state, &input, dt);
-            // What is no number is not stepped any further: the judge names it.
-            if !self.state.is_finite() {
-                break;
-            }
-        }
-        saturation
-    }
-
     /// Lets the laser look from where the bike truly is. A scan that is handed out now, its latency over, is written down
     /// and belongs to whoever steers by it.
     fn sense(
@@ -352,11 +279,11 @@ impl<'s> Ride<'s> {
         time: SimTime,
         recorder: &mut dyn Recorder,
     ) -> Result<Option<LaserScan>, Error> {
-        let scene = TrueScene::new(self.setup, &self.plant);
+        let scene = TrueScene::new(self.setup, &self.bike.plant);
         let (Some(laser), Some(scene)) = (&mut self.laser, scene) else {
             return Ok(None);
         };
-        let state = &self.state;
+        let state = &self.bike.state;
         let scan = laser.advance(&scene, time.seconds(), &state.pose, state.roll);
         if let Some(scan) = &scan {
             recorder.record(
@@ -451,7 +378,7 @@ impl<'s> Ride<'s> {
         let at_rest = matches!(outcome, RunOutcome::Arrived | RunOutcome::Stopped)
             .then(|| self.target())
             .flatten()
-            .map(|(target, _)| (&self.state.pose, target.position, target.heading));
+            .map(|(target, _)| (&self.bike.state.pose, target.position, target.heading));
         let passivity = self.path.as_ref().map(|_| self.passivity.violations());
         Ridden {
             outcome,

@@ -69,8 +69,8 @@ impl Ride<'_> {
         saturation: Saturation,
         recorder: &mut dyn Recorder,
     ) -> Result<Facts, Error> {
-        let plant = &self.plant;
-        let input = self.input;
+        let plant = &self.bike.plant;
+        let input = self.bike.input;
         let contact = plant.contact(state, &input);
         let acceleration = plant.accelerations(state, &input);
         let yaw_rate = plant.yaw_rate(state);
@@ -89,7 +89,7 @@ impl Ride<'_> {
         let clearance = moving.map(|(_, clearance)| clearance).or(standing);
         let following = self.pilot.true_following(state);
         let lateral_error = following.map(|following| following.lateral_error);
-        let friction = self.friction;
+        let friction = self.bike.friction;
         let rear_error = self.metrics.add(
             &TickFacts {
                 state,
@@ -106,7 +106,7 @@ impl Ride<'_> {
             self.path.as_ref(),
         );
         let distance = self.distance;
-        self.distance += (self.state.pose.position - state.pose.position).norm();
+        self.distance += (self.bike.state.pose.position - state.pose.position).norm();
 
         let sample = StateSample {
             x_m: state.pose.position.x,
@@ -216,7 +216,7 @@ impl Ride<'_> {
             moving: moving
                 .filter(|(_, clearance)| *clearance < 0.0)
                 .map(|(index, _)| index)
-                .or(self.plant.touched_moving_obstacle()),
+                .or(self.bike.plant.touched_moving_obstacle()),
             balancer_at_limit: control.balancer_saturated || self.balancer_is_at_limit(state),
         })
     }
@@ -224,8 +224,8 @@ impl Ride<'_> {
     /// A law that knows the limits asks for no more, so that nothing is cut: the limit is seen in what is given.
     fn balancer_is_at_limit(&self, state: &BikeState) -> bool {
         const NEARLY: f64 = 0.999;
-        let bike = self.plant.params();
-        self.input.balancer_torque.abs() >= NEARLY * bike.balancer_torque_max
+        let bike = self.bike.plant.params();
+        self.bike.input.balancer_torque.abs() >= NEARLY * bike.balancer_torque_max
             || state.balancer_rate.abs() >= NEARLY * bike.balancer_speed_max
     }
 }

@@ -15,7 +15,7 @@ use bikebot_planner::EndPose;
 /// |roll| (rad) and |roll rate| (rad/s) below which a standing bike counts as recovered.
 const RECOVERED: (f64, f64) = (0.5 * std::f64::consts::PI / 180.0, 0.05);
 /// How long the bike has to be at rest before the ride ends, s.
-const REST_TIME: f64 = 0.5;
+pub(crate) const REST_TIME: f64 = 0.5;
 /// At rest: not farther than this from where it came to rest, m, nor faster than this, m/s (a noisy encoder
 /// makes the drive tremble), upright within this, rad, and turning over at less than this, rad/s. A roll sensor with a bias, or a moment that the balancer cannot hold, is met by a lean of a few degrees.
 const REST_DISTANCE: f64 = 0.003;
@@ -33,13 +33,13 @@ impl Ride<'_> {
     ) -> Result<Option<Verdict>, Error> {
         let verdict = self
             .falls
-            .judge(state, facts.contact.as_ref(), self.friction);
+            .judge(state, facts.contact.as_ref(), self.bike.friction);
         let certain = matches!(self.setup.plant, PlantModel::TwoLink | PlantModel::Bike3d)
-            && is_beyond_recovery(self.plant.params(), state, &self.input);
+            && is_beyond_recovery(self.bike.plant.params(), state, &self.bike.input);
         let given_up = self.falls.give_up(certain);
         let verdict = verdict.or(given_up).or_else(|| {
             // The next state has to be finite before anything else looks at it.
-            (!self.state.is_finite()).then_some(Verdict {
+            (!self.bike.state.is_finite()).then_some(Verdict {
                 outcome: RunOutcome::Fell,
                 reason: "not_finite",
             })
@@ -47,14 +47,16 @@ impl Ride<'_> {
         self.fall_cause.watch(state.roll, facts.balancer_at_limit);
         let verdict = verdict.map(|verdict| match verdict.reason {
             "roll" => Verdict {
-                reason: self.fall_cause.name(&self.disturbances, time.seconds()),
+                reason: self
+                    .fall_cause
+                    .name(&self.bike.disturbances, time.seconds()),
                 ..verdict
             },
             _ => verdict,
         });
         let verdict = verdict.or_else(|| {
             let overlaps = facts.clearance.is_some_and(|clearance| clearance < 0.0);
-            (overlaps || self.plant.has_touched_an_obstacle()).then_some(Verdict {
+            (overlaps || self.bike.plant.has_touched_an_obstacle()).then_some(Verdict {
                 outcome: RunOutcome::Collided,
                 reason: if facts.moving.is_some() {
                     "moving_obstacle"
@@ -69,7 +71,7 @@ impl Ride<'_> {
                 "slip" => (NoticeKind::Slip, "a tyre slipped", f64::NAN),
                 "wheel_lift" => (NoticeKind::WheelLift, "a wheel left the ground", f64::NAN),
                 "not_finite" => {
-                    let first = [state, &self.state].into_iter().find_map(not_finite);
+                    let first = [state, &self.bike.state].into_iter().find_map(not_finite);
                     let (name, value) = first.unwrap_or(("state", f64::NAN));
                     told = format!("{name} is not finite");
                     (NoticeKind::NonFinite, told.as_str(), value)
@@ -108,11 +110,9 @@ impl Ride<'_> {
         output: &PilotOutput,
         recorder: &mut dyn Recorder,
     ) -> Result<Option<(RunOutcome, &'static str)>, Error> {
-        let state = &self.state;
+        let state = &self.bike.state;
         let at_rest = output.holds
-            && state.speed.abs() < REST_SPEED
-            && state.roll.abs() < REST_ROLL
-            && state.roll_rate.abs() < REST_ROLL_RATE
+            && at_rest(state)
             && (state.pose.position - self.rest).norm() < REST_DISTANCE;
         if self.path.is_none() || !at_rest {
             self.resting = SimTime::ZERO;
@@ -126,7 +126,7 @@ impl Ride<'_> {
         let Some(goal) = self.target() else {
             return Ok(None);
         };
-        let error = (self.state.pose.position - goal.0.position).norm();
+        let error = (self.bike.state.pose.position - goal.0.position).norm();
         if error <= goal.1 {
             recorder.record(
                 time,
@@ -167,12 +167,19 @@ impl Ride<'_> {
             return (RunOutcome::TimedOut, "duration");
         }
         let (roll, rate) = RECOVERED;
-        if self.state.roll.abs() < roll && self.state.roll_rate.abs() < rate {
+        if self.bike.state.roll.abs() < roll && self.bike.state.roll_rate.abs() < rate {
             (RunOutcome::Arrived, "recovered")
         } else {
             (RunOutcome::TimedOut, "not_recovered")
         }
     }
+}
+
+/// Whether the bike stands still and upright.
+pub(crate) fn at_rest(state: &BikeState) -> bool {
+    state.speed.abs() < REST_SPEED
+        && state.roll.abs() < REST_ROLL
+        && state.roll_rate.abs() < REST_ROLL_RATE
 }
 
 /// The first number of a state that is none, by the name it has in a recording.
