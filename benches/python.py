@@ -22,10 +22,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import bikebot
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENARIOS = ROOT / "scenarios"
+GAINS = np.array([840.0, 0.0, 230.0, 3.0])
 
 
 def median_of(times: list[float]) -> float:
@@ -158,12 +161,78 @@ def sweeps(full: bool, rounds: int = 3) -> None:
         print(f"sweep: Dask takes {more[0]:+.1f} % (15 wanted), {more[1]:+.1f} % in seconds of processor")
 
 
+def own_controllers() -> None:
+    """What a controller in Python costs a call: rides of the course with and without, that differ by it alone."""
+    stand = bikebot.Scenario.load(SCENARIOS / "balance-recover.toml").with_(run={"duration_s": 5.0})
+    course = bikebot.Scenario.load(SCENARIOS / "course.toml").with_(run={"duration_s": 5.0})
+
+    def best_of(ride: Callable[[], bikebot.Ride]) -> tuple[float, int]:
+        ridden = ride()
+        return min(timed(ride) for _ in range(15)), len(ridden.trace["time_s"])
+
+    laws: dict[str, tuple[bikebot.Scenario, dict[str, Callable[[Any], Any]]]] = {
+        "balancer": (stand, {"balancer": lambda seen: 840 * seen.roll_rad + 230 * seen.roll_rate_radps + 3 * seen.balancer_rate_radps}),
+        "balancer that takes its state as an array": (stand, {"balancer": lambda seen: float(seen.state @ GAINS)}),
+        "follower": (course, {"follower": lambda seen: (0.5 * (0.8 - seen.speed_mps), 0.0)}),
+    }
+    for name, (scenario, law) in laws.items():
+        without, ticks = best_of(scenario.run)
+        with_, its = best_of(lambda scenario=scenario, law=law: scenario.run(**law))
+        print(f"{name} in Python: {1e6 * (with_ / its - without / ticks):.1f} µs a call more than ours (a tick with ours takes {1e6 * without / ticks:.1f} µs)")
+
+
+def environments(seconds: float = 2.0) -> None:
+    """Bike-steps a second of the vector environments, and of a single one."""
+    try:
+        from bikebot.gym import BalanceEnv, BalanceVectorEnv, FollowVectorEnv, RideVectorEnv
+    except ImportError as missing:
+        print(f"environments: skipped, {missing}")
+        return
+    cases = [
+        (BalanceVectorEnv, "balance, balancer mode", {"mode": "balancer"}, 1024),
+        (BalanceVectorEnv, "balance, flywheel mode", {"mode": "flywheel"}, 1024),
+        (RideVectorEnv, "ride", {}, 256),
+        (FollowVectorEnv, "follow", {}, 64),
+    ]
+    for make, name, arguments, count in cases:
+        for threads in (1, 2):
+            bikes = make(count, threads=threads, copy=False, **arguments)
+            wide = bikes.single_action_space.shape[0]
+            chance = np.random.default_rng(1)
+            actions = chance.uniform(-0.3, 0.3, (64, count, wide)).astype(np.float32)
+            bikes.reset(seed=1)
+            steps, began, busy = 0, time.perf_counter(), time.process_time()
+            while (took := time.perf_counter() - began) < seconds:
+                for action in actions:
+                    bikes.step(action)
+                steps += len(actions) * count
+            busy = time.process_time() - busy
+            bikes.close()
+            print(
+                f"{name}: {steps / took / 1e6:.2f} million bike-steps a second, {count} bikes on {threads} threads"
+                f" ({steps / busy / 1e6:.2f} a second of one core)"
+            )
+    env = BalanceEnv()
+    env.reset(seed=1)
+    action, count = np.zeros(1, np.float32), 20_000
+
+    def alone() -> None:
+        for _ in range(count):
+            *_, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
+
+    print(f"a single environment: {1e6 * timed(alone) / count:.1f} µs a step")
+
+
 def main() -> None:
     print(f"bikebot {bikebot.__version__}, Python {sys.version.split()[0]}, {os.cpu_count()} cores")
     if "--sweeps" not in sys.argv:
         plans()
         overhead()
         pace()
+        own_controllers()
+        environments()
     sweeps("--full" in sys.argv)
 
 

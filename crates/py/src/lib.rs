@@ -3,6 +3,8 @@
 //! | module | holds |
 //! |---|---|
 //! | [`world`], [`plan`], [`planner`], [`scenario`], [`ride`], [`trace`] | the classes of those names |
+//! | [`own`] | controllers of the caller's own |
+//! | [`gym`] | bikes for `bikebot.gym` |
 //! | [`study`] | Table 2, eigenvalues, the chunks of a sweep |
 //! | [`picture`] | colours and outlines for `bikebot.plot` |
 //! | [`search`] | a question to the planner, from arguments to a report |
@@ -18,7 +20,9 @@ mod arguments;
 mod arrays;
 mod errors;
 mod files;
+mod gym;
 mod json;
+mod own;
 mod picture;
 mod plan;
 mod planner;
@@ -38,6 +42,10 @@ use pyo3::prelude::*;
 mod _bikebot {
     use super::*;
 
+    #[pymodule_export]
+    use super::gym::PyBikes;
+    #[pymodule_export]
+    use super::own::{PyBalancerView, PyFollowerView};
     #[pymodule_export]
     use super::picture::{_name_of_key, _outline, _palette};
     #[pymodule_export]

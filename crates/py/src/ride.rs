@@ -8,7 +8,8 @@ use std::time::Instant;
 
 use bikebot_report::{Ground, Ride as Picture, RideFigure, axis::significant, svg};
 use bikebot_sim::plan_file::Times;
-use bikebot_sim::record::{McapRecorder, RecordError, ResultInfo, RunInfo, Trace, log};
+use bikebot_sim::record::{McapRecorder, RecordError, Recorder, ResultInfo, RunInfo, Trace, log};
+use bikebot_sim::setup::PathSource;
 use bikebot_sim::{Error, ExpectCheck, Progress, RunControl, RunReport, Setup};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -16,10 +17,11 @@ use pyo3::types::{PyDict, PyList, PyTuple, PyType};
 
 use crate::arguments;
 use crate::errors::{self, value};
+use crate::own::Own;
 use crate::plan::PyPlan;
 use crate::scenario::{Given, PyScenario};
 use crate::trace::{PyTrace, path_array};
-use crate::work::{self, Shared};
+use crate::work;
 use crate::world::tidy;
 
 /// How a ride ended.
@@ -63,6 +65,8 @@ pub struct PyRide {
     plan: Option<Py<PyPlan>>,
     /// Read from a recording, at its rates.
     recorded: bool,
+    /// Ridden with controllers of the caller's own.
+    own: bool,
 }
 
 /// A recording under way: written beside its name, which it gets when it is whole.
@@ -101,6 +105,7 @@ impl Recording {
 /// Why there is no ride.
 enum Failure {
     Run(Error),
+    Raised(PyErr),
     Record(RecordError),
     File(PathBuf, std::io::Error),
 }
@@ -109,16 +114,19 @@ impl Failure {
     fn told(self, py: Python<'_>) -> PyErr {
         match self {
             Self::Run(error) => errors::run(py, &error),
+            Self::Raised(error) => error,
             Self::Record(error) => pyo3::exceptions::PyOSError::new_err(error.to_string()),
             Self::File(path, error) => errors::file(&path, error),
         }
     }
 }
 
-/// Rides, on a worker's thread.
+/// Rides, with the controllers that `own` lends; `is_stopped` is asked often, `done` told the share of the way.
 fn ride(
     given: &Given,
-    shared: &Shared,
+    own: &Own,
+    is_stopped: &(dyn Fn() -> bool + Sync),
+    done: &mut dyn FnMut(f64),
     scans: bool,
     record: Option<&Path>,
 ) -> Result<(RunReport, Trace), Failure> {
@@ -134,7 +142,7 @@ fn ride(
     let began = Instant::now();
     let duration = setup.duration.seconds().max(f64::MIN_POSITIVE);
     let control = RunControl {
-        stop: &|| shared.is_stopped(),
+        stop: is_stopped,
         progress: &mut |progress| {
             if let Progress::Riding {
                 time,
@@ -142,7 +150,7 @@ fn ride(
                 length,
             } = progress
             {
-                shared.set_done(if length > 0.0 {
+                done(if length > 0.0 {
                     distance / length
                 } else {
                     time / duration
@@ -154,7 +162,7 @@ fn ride(
     let (report, trace) = match recording {
         None => {
             let mut trace = trace;
-            let report = bikebot_sim::run(setup, &mut trace, control).map_err(Failure::Run)?;
+            let report = run_with(setup, own, &mut trace, control)?;
             (report, trace)
         }
         Some(Recording {
@@ -163,7 +171,7 @@ fn ride(
             recorder,
         }) => {
             let mut both = (trace, recorder);
-            let report = bikebot_sim::run(setup, &mut both, control);
+            let report = run_with(setup, own, &mut both, control);
             let (trace, recorder) = both;
             let recording = Recording {
                 part,
@@ -171,7 +179,7 @@ fn ride(
                 recorder,
             };
             let report = match report {
-                Ok(report) if !shared.is_stopped() => report,
+                Ok(report) if !is_stopped() => report,
                 Ok(_) | Err(_) => {
                     let part = recording.part.clone();
                     drop(recording);
@@ -179,7 +187,7 @@ fn ride(
                     let _ = std::fs::remove_file(part);
                     match report {
                         Ok(report) => return Ok((report, trace)),
-                        Err(error) => return Err(Failure::Run(error)),
+                        Err(failure) => return Err(failure),
                     }
                 }
             };
@@ -188,6 +196,18 @@ fn ride(
         }
     };
     Ok((report, trace))
+}
+
+/// Runs; what a callable raised comes before what became of the ride.
+fn run_with(
+    setup: &Setup,
+    own: &Own,
+    recorder: &mut dyn Recorder,
+    control: RunControl<'_>,
+) -> Result<RunReport, Failure> {
+    own.lend(|external| bikebot_sim::run_with(setup, recorder, control, external))
+        .map_err(Failure::Raised)?
+        .map_err(Failure::Run)
 }
 
 /// A function of the share done, out of what `progress=` takes.
@@ -210,9 +230,26 @@ pub fn run(
     progress: Option<&Bound<'_, PyAny>>,
     record: Option<&Path>,
     scans: bool,
+    own: &Own,
 ) -> PyResult<PyRide> {
+    if own.follower.is_some() && given.setup.path == PathSource::Standing {
+        return Err(value(
+            "follower: the scenario has no path to follow; give it a [map] and a [goal], or a [path], and plant.model = \"bike3d\"",
+        ));
+    }
     let progress = reporter(progress, &given.setup.name)?;
-    let ridden = work::aside(py, progress, |shared| ride(&given, shared, scans, record))?;
+    let ridden = if own.is_empty() {
+        work::aside(py, progress, |shared| {
+            let is_stopped = || shared.is_stopped();
+            let mut done = |share| shared.set_done(share);
+            ride(&given, own, &is_stopped, &mut done, scans, record)
+        })?
+    } else {
+        work::beside(py, progress, |watch, done| {
+            let is_stopped = || watch.is_stopped();
+            ride(&given, own, &is_stopped, done, scans, record)
+        })?
+    };
     let (mut report, trace) = ridden.map_err(|failure| failure.told(py))?;
     if let Some(failure) = report.recording_failed.take() {
         return Err(pyo3::exceptions::PyOSError::new_err(failure));
@@ -236,6 +273,7 @@ pub fn run(
         trace: Arc::new(trace),
         plan,
         recorded: false,
+        own: !own.is_empty(),
     })
 }
 
@@ -315,6 +353,7 @@ pub fn read_log(py: Python<'_>, path: &Bound<'_, PyAny>) -> PyResult<PyRide> {
         trace: Arc::new(trace),
         plan: None,
         recorded: true,
+        own: false,
     })
 }
 
@@ -461,7 +500,7 @@ impl PyRide {
     /// The ride is made again while it is written, and is the same to the last bit; `Scenario.run(record=…)` writes at once.
     ///
     /// Raises `OSError` where it cannot be written, `BikebotError` where the ride was another, as of a recording made by another
-    /// version.
+    /// version, `ValueError` where controllers of your own rode.
     #[pyo3(signature = (path, *, progress=None))]
     fn write_mcap(
         &self,
@@ -470,13 +509,19 @@ impl PyRide {
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let path = arguments::path("path", path)?;
-        let again = run(py, self.given.clone(), progress, Some(&path), false)?;
+        if self.own {
+            return Err(value(
+                "write_mcap would ride again without your own controllers: give Scenario.run(record=path, …), which writes while it rides",
+            ));
+        }
+        let own = Own::default();
+        let again = run(py, self.given.clone(), progress, Some(&path), false, &own)?;
         let hash = &self.result.result_hash;
         if !hash.is_empty() && again.result.result_hash != *hash {
             return Err(errors::bikebot(
                 py,
                 &format!(
-                    "{} was written, but the ride came out otherwise than this one: was it made by another version?",
+                    "{} was written, but the ride came out otherwise than this one: was it made by another version, or with controllers of your own?",
                     path.display()
                 ),
             ));
@@ -547,6 +592,7 @@ impl PyRide {
                 self.expect(),
                 result.result_hash.clone(),
             ),
+            self.own,
         );
         let restore = py.get_type::<Self>().getattr("_restore")?;
         Ok((restore, state.into_pyobject(py)?))
@@ -569,6 +615,7 @@ impl PyRide {
             Vec<(String, bool)>,
             String,
         ),
+        own: bool,
     ) -> Self {
         let (outcome, reason, passed, metrics, expect, result_hash) = result;
         Self {
@@ -587,6 +634,7 @@ impl PyRide {
             trace: trace.get().0.clone(),
             plan,
             recorded,
+            own,
         }
     }
 }

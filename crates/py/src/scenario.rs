@@ -14,6 +14,7 @@ use crate::arguments::{self, type_name};
 use crate::errors::{self, kind, value};
 use crate::files;
 use crate::json;
+use crate::own::Own;
 use crate::plan::PyPlan;
 use crate::ride::{self, PyRide};
 use crate::search::{self, Asked, Limits};
@@ -315,18 +316,46 @@ impl PyScenario {
     /// `progress` is True (a bar: tqdm where it is installed), a function of the share done from 0 to 1, or a tqdm bar. `record` is the
     /// path of a recording (.mcap) to write while riding. `scans` keeps the laser's sweeps in `ride.scans`.
     ///
-    /// Raises `PlanError` where start or goal make no sense. A fall or a search in vain is an outcome. Ctrl-C ends it within
-    /// 50 ms.
-    #[pyo3(signature = (*, progress=None, record=None, scans=false))]
+    /// `follower` and `balancer` are controllers of your own, functions that are called once a control period on the calling thread:
+    ///
+    /// - `balancer(seen: BalancerView)` returns the torque of the frame on the balancer, N m, in place of [balance];
+    /// - `follower(seen: FollowerView)` returns (acceleration of the rear contact in m/s², steering rate in rad/s), in place of
+    ///   [follow] controller. It is not called while the bike is held at rest, and before the goal the bike brakes by itself. The lean
+    ///   into coming turns is foreseen as if [follow] controller went on from here.
+    ///
+    /// The limits of the motors hold for both. What they raise ends the ride and is raised as it is. The same functions give the same
+    /// `result_hash`; the scenario knows nothing of them, so a recording does not repeat such a ride.
+    ///
+    /// Raises `PlanError` where start or goal make no sense; `TypeError` or `ValueError` for what a controller returns that is no
+    /// command. A fall or a search in vain is an outcome. Ctrl-C ends it within 50 ms.
+    ///
+    /// >>> stand = Scenario.from_text('''
+    /// ... format = 1
+    /// ... name = "stand"
+    /// ... [start]
+    /// ... roll_deg = 2.0
+    /// ... [plant]
+    /// ... model = "two_link"
+    /// ... [run]
+    /// ... duration_s = 2.0
+    /// ... ''')
+    /// >>> stand.run(balancer=lambda seen: 800 * seen.roll_rad + 220 * seen.roll_rate_radps + 4 * seen.balancer_rate_radps).outcome
+    /// 'arrived'
+    /// >>> stand.run(balancer=lambda seen: 0.0).outcome
+    /// 'fell'
+    #[pyo3(signature = (*, follower=None, balancer=None, progress=None, record=None, scans=false))]
     fn run(
         &self,
         py: Python<'_>,
+        follower: Option<&Bound<'_, PyAny>>,
+        balancer: Option<&Bound<'_, PyAny>>,
         progress: Option<&Bound<'_, PyAny>>,
         record: Option<&Bound<'_, PyAny>>,
         scans: bool,
     ) -> PyResult<PyRide> {
+        let own = Own::new(follower, balancer)?;
         let record = record.map(|it| arguments::path("record", it)).transpose()?;
-        ride::run(py, self.0.clone(), progress, record.as_deref(), scans)
+        ride::run(py, self.0.clone(), progress, record.as_deref(), scans, &own)
     }
 
     fn __repr__(&self) -> String {

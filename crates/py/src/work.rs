@@ -3,6 +3,7 @@
 //! | | for | how |
 //! |---|---|---|
 //! | [`here`] | what may take a microsecond | on the calling thread, which looks for signals every [`LOOK`] |
+//! | [`beside`] | what calls Python itself | the same, and tells of progress |
 //! | [`aside`] | what takes long, or several threads | on a thread of its own, while the calling one looks and tells of progress |
 //! | [`apart`] | what also hears its stop late | the same, and left behind when a signal comes |
 
@@ -71,6 +72,44 @@ impl Watch {
     fn into_raised(self) -> Option<PyErr> {
         self.raised.into_inner().unwrap_or(None)
     }
+}
+
+impl Watch {
+    /// Calls `progress` with the share that is done; what it raises stops the work.
+    fn tell(&self, progress: &Py<PyAny>, share: f64) {
+        let told = Python::try_attach(|py| progress.call1(py, (share,)).map(drop));
+        if let Some(Err(error)) = told {
+            if let Ok(mut place) = self.raised.lock() {
+                *place = Some(error);
+            }
+            self.stopped.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// [`here`] with a progress function, for work that itself calls Python: on the calling thread debuggers, context variables and
+/// thread locals are what the caller's are. `work` is told whom to tell what share is done.
+pub fn beside<T: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce(&Watch, &mut dyn FnMut(f64)) -> T + Send,
+) -> PyResult<T> {
+    let by = progress.as_ref().map(|progress| progress.clone_ref(py));
+    let result = here(py, move |watch| {
+        let mut told = Instant::now();
+        work(watch, &mut |share| {
+            if let Some(progress) = &by
+                && told.elapsed() >= TELL
+            {
+                told = Instant::now();
+                watch.tell(progress, share.clamp(0.0, 1.0));
+            }
+        })
+    })?;
+    if let Some(progress) = &progress {
+        progress.call1(py, (1.0,))?;
+    }
+    Ok(result)
 }
 
 /// Does `work` on this thread with the interpreter's lock released.

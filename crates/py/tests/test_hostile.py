@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import collections
+import functools
 import math
 import random
 import time
 
 import numpy as np
 import pytest
-from conftest import STAND
+from conftest import SCENARIOS, STAND
 
 import bikebot
 from bikebot import _bikebot
@@ -77,7 +78,7 @@ def nasties(chance: random.Random) -> list:
     ]
 
 
-def callables(chance: random.Random, yard, stand, plan, planner, ride) -> list:
+def callables(chance: random.Random, yard, stand, led, plan, planner, ride) -> list:
     """Each with a valid call's arguments, some of which are then exchanged."""
     grid = np.zeros((5, 6), dtype=bool)
     trace = ride.trace
@@ -110,6 +111,35 @@ def callables(chance: random.Random, yard, stand, plan, planner, ride) -> list:
         (bikebot.eigenvalues, {"parameters": "benchmark", "speeds": [1.0, 2.0]}),
         (bikebot.sweep, {"scenario": stand, "vary": {"start.roll_deg": [1]}, "seeds": range(2), "executor": None, "threads": 1, "chunk": 1, "progress": None}),
         (_bikebot._toml, {"name": "x", "object": 1}),
+        (lambda balancer, follower: stand.run(balancer=balancer, follower=follower), {"balancer": lambda seen: 0.0, "follower": None}),
+        (lambda answer: stand.run(balancer=lambda seen: answer), {"answer": 1.0}),
+        (lambda answer: led.run(follower=lambda seen: answer), {"answer": (0.1, 0.0)}),
+        *environments(),
+    ]
+
+
+@functools.cache
+def environments() -> list:
+    """Those of gymnasium, where it is installed."""
+    try:
+        from bikebot import gym
+    except ImportError:
+        return []
+
+    def single(action, seed, **arguments):
+        env = gym.BalanceEnv(**arguments)
+        env.reset(seed=seed)
+        env.step(action)
+
+    def many(actions, seed, reset_mask, **arguments):
+        bikes = gym.BalanceVectorEnv(**arguments)
+        bikes.reset(seed=seed)
+        bikes.reset(options={"reset_mask": reset_mask})
+        bikes.step(actions)
+
+    return [
+        (single, {"action": np.zeros(1, np.float32), "seed": 1, "mode": "balancer", "scenario": None, "start_roll": 0.1, "render_mode": None}),
+        (many, {"actions": np.zeros((2, 1), np.float32), "seed": [1, 2], "reset_mask": np.ones(2, bool), "num_envs": 2, "threads": 1, "start_roll": 0.1}),
     ]
 
 
@@ -119,10 +149,11 @@ def test_hostile_calls_raise_and_nothing_else(seed, yard, stand, capsys):
     plan = bikebot.plan(yard, (2, 2, 0.0), (18, 4), footprint="disc:0.3")
     planner = bikebot.Planner(yard)
     ride = stand.run()
+    led = bikebot.Scenario.load(SCENARIOS / "course.toml").with_(run={"duration_s": 0.05})
     tally = collections.Counter()
     slowest = (0.0, "")
     for _ in range(CALLS // 4):
-        target, arguments = chance.choice(callables(chance, yard, stand, plan, planner, ride))
+        target, arguments = chance.choice(callables(chance, yard, stand, led, plan, planner, ride))
         arguments = dict(arguments)
         for name in chance.sample(list(arguments), min(len(arguments), chance.choice((1, 1, 1, 2, 3)))):
             arguments[name] = chance.choice(nasties(chance))

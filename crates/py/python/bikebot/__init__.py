@@ -13,6 +13,8 @@ positive to the left, roll positive to the right.
 """
 
 from bikebot._bikebot import (
+    BalancerView,
+    FollowerView,
     Plan,
     Planner,
     Refinement,
@@ -32,11 +34,13 @@ from bikebot._sweep import sweep
 from bikebot._table import Table
 
 __all__ = [
+    "BalancerView",
     "BikebotError",
     "Certificate",
     "Chunk",
     "Eigenvalues",
     "Event",
+    "FollowerView",
     "MapError",
     "Mismatch",
     "Plan",
