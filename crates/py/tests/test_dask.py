@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 
 import pytest
 
@@ -21,7 +22,7 @@ SEEDS = range(50)
 def client():
     with (
         distributed.LocalCluster(
-            n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+            n_workers=3, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
         ) as cluster,
         distributed.Client(cluster) as client,
     ):
@@ -88,6 +89,45 @@ def test_a_sweep_that_broke_off_here_goes_on_there(client, ride, table, tmp_path
     done = list(tmp_path.glob("cases-*.npz"))
     assert 0 < len(done) < 300 // 9
     assert bikebot.sweep(ride, vary=VARY, seeds=SEEDS, resume=tmp_path).equals(table)
+
+
+def test_a_cluster_that_loses_all_its_workers_is_waited_for_and_given_up(ride, table, tmp_path, monkeypatch):
+    from bikebot import _spread
+
+    monkeypatch.setattr(_spread, "LONELY", 0.2)
+    monkeypatch.setattr(_spread, "FORSAKEN", 2.5)
+    monkeypatch.setattr(_spread, "COUNT_EVERY", 0.1)
+    with (
+        distributed.LocalCluster(
+            n_workers=0, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        gone = []
+
+        def leave(share: float) -> None:
+            if share > 0.3 and not gone:
+                gone.append(cluster.scale(0))
+
+        threading.Timer(1.0, lambda: cluster.scale(2)).start()
+        study = {"vary": VARY, "seeds": SEEDS, "executor": client, "resume": tmp_path, "chunk": 5}
+        # For the first worker it waits, and says so.
+        with pytest.warns(RuntimeWarning, match="no workers"), pytest.raises(bikebot.SweepError, match="have gone"):
+            bikebot.sweep(ride, **study, progress=leave)
+        assert gone
+        monkeypatch.setattr(_spread, "LONELY", 30.0)
+        cluster.scale(1)
+        assert bikebot.sweep(ride, **study).equals(table)
+
+
+def test_a_cluster_takes_controllers_from_anywhere(client, ride):
+    gains = (500.0, 130.0, 2.0)
+
+    def mine(seen):
+        return gains[0] * seen.roll_rad + gains[1] * seen.roll_rate_radps + gains[2] * seen.balancer_rate_radps
+
+    study = {"vary": {"start.roll_deg": [1.0, 12.0]}, "seeds": range(4), "balancer": mine}
+    assert bikebot.sweep(ride, **study, executor=client).equals(bikebot.sweep(ride, **study))
 
 
 def test_a_case_that_kills_every_worker_ends_the_sweep_and_is_named(client, ride):

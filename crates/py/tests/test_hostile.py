@@ -110,6 +110,9 @@ def callables(chance: random.Random, yard, stand, led, plan, planner, ride) -> l
         (bikebot.read_log, {"path": "/dev/null"}),
         (bikebot.eigenvalues, {"parameters": "benchmark", "speeds": [1.0, 2.0]}),
         (bikebot.sweep, {"scenario": stand, "vary": {"start.roll_deg": [1]}, "seeds": range(2), "executor": None, "threads": 1, "chunk": 1, "progress": None}),
+        (bikebot.sweep, {"scenario": stand, "seeds": range(2), "resume": None, "balancer": lambda seen: 0.0, "follower": None}),
+        (bikebot.Table, {"columns": {"a": [1]}}),
+        (bikebot.Table.from_csv, {"path": "/dev/null"}),
         (_bikebot._toml, {"name": "x", "object": 1}),
         (lambda balancer, follower: stand.run(balancer=balancer, follower=follower), {"balancer": lambda seen: 0.0, "follower": None}),
         (lambda answer: stand.run(balancer=lambda seen: answer), {"answer": 1.0}),
@@ -144,7 +147,9 @@ def environments() -> list:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_hostile_calls_raise_and_nothing_else(seed, yard, stand, capsys):
+def test_hostile_calls_raise_and_nothing_else(seed, yard, stand, capsys, tmp_path, monkeypatch):
+    # Some of what is no path is one.
+    monkeypatch.chdir(tmp_path)
     chance = random.Random(seed)
     plan = bikebot.plan(yard, (2, 2, 0.0), (18, 4), footprint="disc:0.3")
     planner = bikebot.Planner(yard)

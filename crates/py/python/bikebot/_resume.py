@@ -39,9 +39,12 @@ _STALE = 3600.0
 
 
 def identity(
-    scenario: Scenario, written: Mapping[str, Sequence[str]], seeds: Sequence[int]
+    scenario: Scenario,
+    written: Mapping[str, Sequence[str]],
+    seeds: Sequence[int],
+    own: Mapping[str, str | None],
 ) -> dict[str, Any]:
-    """All that decides what the rows are, as it stands in `study.json`."""
+    """All that decides what the rows are, as it stands in `study.json`; `own` tells of controllers of the caller's own."""
     files = {name: _digest(data) for name, data in sorted(scenario.files.items())}
     return {
         "format": 1,
@@ -52,6 +55,7 @@ def identity(
         "vary": {key: _listed(list(values)) for key, values in written.items()},
         "order": list(written),
         "seeds": _listed(list(seeds)),
+        **{name: code for name, code in own.items() if code is not None},
     }
 
 
@@ -77,6 +81,8 @@ _WORDS = {
     "vary": "vary",
     "order": "the order of the keys of vary",
     "seeds": "seeds",
+    "follower": "follower",
+    "balancer": "balancer",
 }
 
 
@@ -112,11 +118,11 @@ class Store:
             ) from None
         # As it would be read, so that nothing differs by the way it is written.
         here = json.loads(json.dumps(study))
-        differing = [key for key in here if there.get(key) != here[key]]
+        differing = [key for key in {**there, **here} if there.get(key) != here.get(key)]
         if differing:
             raise ValueError(
                 f"resume: {self.folder} holds another study, whose rows are not those of this one: "
-                + "; ".join(_difference(key, there.get(key), here[key]) for key in differing)
+                + "; ".join(_difference(key, there.get(key), here.get(key)) for key in differing)
                 + ". Give another folder, or delete this one"
             )
 

@@ -6,8 +6,9 @@ once where there is a `Store`.
 
 What dies is replaced: Dask's scheduler gives the chunks of a worker that died to others, up to its own limit
 (`distributed.scheduler.allowed-failures`); a `ProcessPoolExecutor` of which a process died is unusable, and another of the same making takes its
-place; a future that somebody cancelled is handed out again. A chunk that was lost twice, or that Dask's scheduler gave up, runs alone, so
-that it is known whose fault it is, and when it is lost again the sweep ends with a `SweepError` that names its cases.
+place; a future that somebody cancelled is handed out again. A chunk that was lost three times, or that Dask's scheduler gave up, runs
+alone, so that it is known whose fault it is, and when it is lost then too (twice, or given up once more) the sweep ends with a `SweepError` that
+names its cases.
 """
 
 from __future__ import annotations
@@ -54,10 +55,11 @@ MIN_OUT, MIN_OUT_GIVEN = 8, 64
 LOOK = 0.03
 #: Between two counts of an executor's workers, s.
 COUNT_EVERY = 1.0
-#: So long without any worker, s, and people are told.
-LONELY = 30.0
-#: Times a chunk may be lost.
-MAX_LOSSES = 3
+#: So long without any worker, s, and people are told; and so long after the last one has gone the sweep ends. For the first one it waits
+#: for ever, as long as clusters let people wait.
+LONELY, FORSAKEN = 30.0, 300.0
+#: Times a chunk may be lost, and from how many on it runs alone.
+MAX_LOSSES, SUSPICIOUS = 5, 3
 
 
 class Stopped(Exception):
@@ -112,9 +114,12 @@ class Spread:
         size: int | None,
         store: Store | None,
         report: Callable[[float], object] | None,
+        follower: Callable[[Any], Any] | None = None,
+        balancer: Callable[[Any], Any] | None = None,
     ) -> None:
         self.scenario, self.varied, self.seeds = scenario, varied, seeds
         self.executor, self.size, self.store, self.report = executor, size, store, report
+        self.follower, self.balancer = follower, balancer
         #: The pool that took the place of the one given.
         self.own: ProcessPoolExecutor | None = None
         self.parts: dict[int, Columns] = dict(store.load()) if store is not None else {}
@@ -126,8 +131,9 @@ class Spread:
         self.out: dict[Future[Done], tuple[Chunk, int]] = {}
         self.seconds, self.timed = 0.0, 0
         self.workers, self.counted = 1, -np.inf
+        #: When there was last a worker, or a sign of one.
         self.heard = time.monotonic()
-        self.is_told = False
+        self.had_workers = self.is_told = False
 
     def _gaps(self) -> list[list[int]]:
         reached, gaps = 0, []
@@ -170,17 +176,19 @@ class Spread:
     def _hand_out(self) -> None:
         if time.monotonic() - self.counted > COUNT_EVERY:
             self.workers, self.counted = workers_of(self.executor), time.monotonic()
+            if self.workers > 0:
+                self.heard, self.had_workers, self.is_told = self.counted, True, False
         ahead = AHEAD * self.workers
         room = max(ahead, MIN_OUT if self.size is None else MIN_OUT_GIVEN)
         while len(self.out) < room:
-            if self.again and self.again[0][1] >= MAX_LOSSES - 1:
+            if self.again and self.again[0][1] >= SUSPICIOUS:
                 # Under suspicion: nothing else may be out, so that nothing else is to blame.
                 if not self.out:
                     self._submit(*self.again.popleft())
                 return
             if self.again:
                 chunk, losses = self.again.popleft()
-            elif self.open and not any(losses >= MAX_LOSSES - 1 for _, losses in self.out.values()):
+            elif self.open and not any(losses >= SUSPICIOUS for _, losses in self.out.values()):
                 chunk, losses = self._next(), 0
             else:
                 return
@@ -193,7 +201,8 @@ class Spread:
             self.open.popleft()
         else:
             self.open[0][0] = last
-        return Chunk(self.scenario, first, tuple(self.varied[first:last]), tuple(self.seeds[first:last]))
+        varied, seeds = tuple(self.varied[first:last]), tuple(self.seeds[first:last])
+        return Chunk(self.scenario, first, varied, seeds, self.follower, self.balancer)
 
     def _size(self) -> int:
         if self.size is not None:
@@ -275,13 +284,17 @@ class Spread:
         )
 
     def _look_after(self) -> None:
-        """Says so where nobody is there to work."""
-        lonely = self.workers == 0 and time.monotonic() - self.heard > LONELY
-        if lonely and not self.is_told:
-            self.is_told = True
-            warnings.warn(
-                "the Dask cluster has no workers: the sweep waits for some", RuntimeWarning, stacklevel=4
+        """Says so where nobody is there to work, and ends where nobody is left."""
+        if self.workers > 0:
+            return
+        lonely = time.monotonic() - self.heard
+        if self.had_workers and lonely > FORSAKEN:
+            raise SweepError(
+                f"all workers of the cluster have gone, and none has come for {FORSAKEN:.0f} s; with resume=… what is done is kept"
             )
+        if lonely > LONELY and not self.is_told:
+            self.is_told = True
+            warnings.warn("the cluster has no workers: the sweep waits for some", RuntimeWarning, stacklevel=4)
 
 
 def _given_up(chunk: Chunk, why: str) -> SweepError:
@@ -303,14 +316,21 @@ def workers_of(executor: Executor) -> int:
     return workers if isinstance(workers, int) else (os.cpu_count() or 1)
 
 
-def must_travel(scenario: Scenario, executor: Executor) -> None:
-    """Raises `TypeError` where a scenario cannot be sent to the processes of an executor."""
-    if not isinstance(executor, ProcessPoolExecutor):
+def must_travel(name: str, thing: object, executor: Executor) -> None:
+    """Raises `TypeError` where an argument of that name cannot be sent to the processes of an executor."""
+    if isinstance(executor, Cluster):
+        # As Dask sends it.
+        import cloudpickle
+
+        dumps: Callable[[object], bytes] = cloudpickle.dumps
+    elif isinstance(executor, ProcessPoolExecutor):
+        dumps = pickle.dumps
+    else:
         return
     try:
-        pickle.dumps(scenario)
+        dumps(thing)
     except Exception as error:
         raise TypeError(
-            f"scenario cannot be sent to the processes of the executor: {error}; what it holds of yours has to be defined at the top"
-            " level of a module, or sweep without an executor"
+            f"{name} cannot be sent to the processes of the executor: {error}; define it at the top level of a module, not as a lambda or"
+            " inside of a function, and let it hold only what pickles; or sweep without an executor"
         ) from error

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bikebot import _bikebot
-from bikebot._chunks import Changes, Chunk, arrays, cut, run_chunk
+from bikebot._chunks import Changes, Chunk, arrays, cut, run_chunk, told_apart
 from bikebot._dask import cluster_of
 from bikebot._progress import reporter
 from bikebot._resume import Store, identity
@@ -25,9 +25,9 @@ from bikebot._spread import Spread, Threads, must_travel
 from bikebot._table import Table, column_of
 
 if TYPE_CHECKING:
-    from bikebot._bikebot import Scenario
+    from bikebot._bikebot import BalancerView, FollowerView, Scenario
     from bikebot._progress import Progress
-    from bikebot._types import Integer, Path
+    from bikebot._types import Integer, Number, Path
 
 __all__ = ["Chunk", "Table", "cut", "run_chunk", "sweep"]
 
@@ -82,6 +82,8 @@ def sweep(
     threads: Integer | None = None,
     chunk: Integer | None = None,
     resume: Path | None = None,
+    follower: Callable[[FollowerView], Sequence[Number] | npt.NDArray[Any]] | None = None,
+    balancer: Callable[[BalancerView], Number] | None = None,
     progress: Progress | None = None,
 ) -> Table:
     """Runs a scenario over all combinations of values and seeds: a table with a row for each.
@@ -96,6 +98,9 @@ def sweep(
 
     `resume` names a folder in which what is done is kept: the same call goes on from there after an interruption, a crash or a power
     cut, and reads a finished study back at once.
+
+    `follower` and `balancer` are controllers of your own, as `Scenario.run` takes them; each ride gets a fresh copy. Python runs one of them at a
+    time, so without an executor they ride one after another: a `ProcessPoolExecutor` or a cluster uses all cores, and needs functions that pickle.
 
     Raises `ScenarioError` before the first run for a value that a scenario does not have, `ValueError` for a `resume` that holds another study,
     `SweepError` where cases kill every worker that runs them, and whatever a worker raised.
@@ -152,7 +157,12 @@ def sweep(
     case_seeds = chosen * len(combinations)
     report = reporter(progress, scenario.name)
     workers = 0 if threads is None else int(threads.__index__())
-    if spread_on is None and resume is None:
+    own = {"follower": follower, "balancer": balancer}
+    for name, function in own.items():
+        if function is not None and not callable(function):
+            raise TypeError(f"{name} takes a function, not {type(function).__name__}")
+    has_own = follower is not None or balancer is not None
+    if spread_on is None and resume is None and not has_own:
         columns = arrays(
             _bikebot._run_cases(
                 scenario, [list(it) for it in varied], case_seeds, threads=workers, progress=report
@@ -160,17 +170,19 @@ def sweep(
         )
     else:
         _bikebot._check_cases(scenario, [list(it) for it in varied[:: len(chosen)]])
-        store = None if resume is None else _store(resume, identity(scenario, written, chosen), total)
+        codes = {name: told_apart(function) for name, function in own.items()}
+        store = None if resume is None else _store(resume, identity(scenario, written, chosen, codes), total)
         size = None if chunk is None else int(chunk.__index__())
-        own = Threads(workers or os.cpu_count() or 1) if spread_on is None else None
+        here = None if spread_on is not None else Threads(1 if has_own else workers or os.cpu_count() or 1)
+        on = here or spread_on
+        assert on is not None
         try:
-            on = own or spread_on
-            assert on is not None
-            must_travel(scenario, on)
-            columns = Spread(scenario, varied, case_seeds, on, size, store, report).run()
+            for name, thing in {"scenario": scenario, **own}.items():
+                must_travel(name, thing, on)
+            columns = Spread(scenario, varied, case_seeds, on, size, store, report, follower, balancer).run()
         finally:
-            if own is not None:
-                own.end()
+            if here is not None:
+                here.end()
     laid = list(itertools.product(*keys.values()))
     table: dict[str, npt.NDArray[Any]] = {"case": np.arange(total)}
     for index, key in enumerate(keys):
