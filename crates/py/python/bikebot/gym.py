@@ -77,6 +77,9 @@ __all__ = [
 _Array: TypeAlias = npt.NDArray[np.float32]
 _Flags: TypeAlias = npt.NDArray[np.bool_]
 
+#: What a start is spread in, as far as a bike has it.
+_STARTS = ("roll", "roll_rate", "balancer", "balancer_rate", "lateral", "heading")
+
 #: Largest seed.
 _SEEDS = 2**63 - 1
 
@@ -175,10 +178,10 @@ class _Core:
         task: str,
         count: int,
         threads: int,
-        spread: dict[str, object],
+        spread: tuple[object, ...],
     ) -> None:
-        names = ("roll", "roll_rate", "balancer", "balancer_rate", "lateral", "heading")
-        spreads = tuple(_spread(f"start_{name}", spread.get(name)) for name in names)
+        spreads = tuple(_spread(f"start_{name}", value) for name, value in zip(_STARTS, spread, strict=False))
+        spreads += (None,) * (len(_STARTS) - len(spread))
         self.scenario = scenario
         self.bikes = _Bikes(scenario, task, [0] * count, threads=threads, spread=spreads)
         described = self.bikes.observations
@@ -226,7 +229,7 @@ class _Env(gymnasium.Env[_Array, _Array]):
     metadata: dict[str, Any] = {"render_modes": []}
 
     def __init__(
-        self, scenario: Scenario, task: str, render_mode: str | None, spread: dict[str, object]
+        self, scenario: Scenario, task: str, render_mode: str | None, spread: tuple[object, ...]
     ) -> None:
         _no_rendering(render_mode)
         self.render_mode = None
@@ -317,12 +320,7 @@ class BalanceEnv(_Env):
         start_balancer_rate: float | None = None,
         render_mode: str | None = None,
     ) -> None:
-        spread: dict[str, object] = {
-            "roll": start_roll,
-            "roll_rate": start_roll_rate,
-            "balancer": start_balancer,
-            "balancer_rate": start_balancer_rate,
-        }
+        spread = (start_roll, start_roll_rate, start_balancer, start_balancer_rate)
         super().__init__(_standing(scenario, mode), "balance", render_mode, spread)
 
 
@@ -350,14 +348,7 @@ class FollowEnv(_Env):
         start_balancer_rate: float | None = None,
         render_mode: str | None = None,
     ) -> None:
-        spread: dict[str, object] = {
-            "lateral": start_lateral,
-            "heading": start_heading,
-            "roll": start_roll,
-            "roll_rate": start_roll_rate,
-            "balancer": start_balancer,
-            "balancer_rate": start_balancer_rate,
-        }
+        spread = (start_roll, start_roll_rate, start_balancer, start_balancer_rate, start_lateral, start_heading)
         super().__init__(_checked(scenario, _YARD), self._TASK, render_mode, spread)
 
 
@@ -383,7 +374,7 @@ class _VectorEnv(VectorEnv[_Array, _Array, npt.NDArray[Any]]):
         render_mode: str | None,
         threads: int | None,
         copy: bool,
-        spread: dict[str, object],
+        spread: tuple[object, ...],
     ) -> None:
         _no_rendering(render_mode)
         count = _seed("num_envs", num_envs)
@@ -507,12 +498,7 @@ class BalanceVectorEnv(_VectorEnv):
         copy: bool = True,
         render_mode: str | None = None,
     ) -> None:
-        spread: dict[str, object] = {
-            "roll": start_roll,
-            "roll_rate": start_roll_rate,
-            "balancer": start_balancer,
-            "balancer_rate": start_balancer_rate,
-        }
+        spread = (start_roll, start_roll_rate, start_balancer, start_balancer_rate)
         standing = _standing(scenario, mode)
         super().__init__(num_envs, standing, "balance", render_mode, threads, copy, spread)
 
@@ -537,14 +523,7 @@ class FollowVectorEnv(_VectorEnv):
         copy: bool = True,
         render_mode: str | None = None,
     ) -> None:
-        spread: dict[str, object] = {
-            "lateral": start_lateral,
-            "heading": start_heading,
-            "roll": start_roll,
-            "roll_rate": start_roll_rate,
-            "balancer": start_balancer,
-            "balancer_rate": start_balancer_rate,
-        }
+        spread = (start_roll, start_roll_rate, start_balancer, start_balancer_rate, start_lateral, start_heading)
         riding = _checked(scenario, _YARD)
         super().__init__(num_envs, riding, self._TASK, render_mode, threads, copy, spread)
 
