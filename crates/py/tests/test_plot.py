@@ -193,9 +193,9 @@ def test_rides_are_told_apart_by_colour_and_by_dash(fig7):
     drawn = [line(axes, name) for name in rides]
     assert len({it.get_color() for it in drawn}) == 2 and len({it.get_linestyle() for it in drawn}) == 2
     labels = [text.get_text() for text in plot.compare(rides).get_legend().get_texts()]
-    assert labels == ["planned path", "0.8 m/s, arrived", "1.5 m/s, arrived"]
+    assert labels == ["obstacles", "planned path", "0.8 m/s, arrived", "1.5 m/s, arrived"]
     same = plot.compare(list(rides.values()))
-    assert [text.get_text() for text in same.get_legend().get_texts()][1:] == [
+    assert [text.get_text() for text in same.get_legend().get_texts()][2:] == [
         "fig7, seed 1 (1), arrived",
         "fig7, seed 1 (2), arrived",
     ]
@@ -264,6 +264,26 @@ def test_a_plan_that_was_not_found_shows_what_was_searched():
     assert not nothing.found
     assert "path" not in [it.get_label() for it in plot.plan(nothing).get_lines()]
     plot.sheet(nothing).savefig(os.devnull, format="png")
+
+
+def test_a_search_that_tells_no_times_is_drawn_against_iterations(planned, ridden):
+    assert plot.search(planned).get_xlabel() == "time since the search began"
+    axes = plot.search(ridden.plan)
+    assert axes.get_xlabel() == "iterations"
+    drawn = sum(len(it.get_xdata()) for it in axes.get_lines() if it.get_linestyle() == "None")
+    assert drawn == len(ridden.plan.trace["iteration"]) > 3
+
+
+def test_without_a_map_there_is_room_for_all_outlines():
+    axes = plot.ride(bikebot.Scenario.load(SCENARIOS / "course.toml").run())
+    (outlines,) = [it for it in axes.collections if isinstance(it, PolyCollection)]
+    rims = np.concatenate([it.vertices for it in outlines.get_paths()])
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    assert (rims > [x0, y0]).all() and (rims < [x1, y1]).all()
+
+
+def test_a_world_from_a_file_is_titled_without_its_folders(fig7):
+    assert plot.world(fig7.world).get_title() == "fig7-ride.json"
 
 
 def test_a_plan_from_a_file_is_drawn_on_the_world_that_is_given(planned, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ SIZE = 6.4
 def world(world: World, ax: Axes | None = None, *, title: str | None = None) -> Axes:
     """A map: its field, its obstacles, and cells that nobody has seen.
 
-    `title` is the world's name where none is given; "" for none. The Axes get equal scales and the limits of the field.
+    `title` is the world's name, without folders, where none is given; "" for none. The Axes get equal scales and the limits of the field.
     """
     must_be("world", world, _bikebot.World)
     axes = map_axes(world) if ax is None else ax
@@ -45,9 +46,20 @@ def world(world: World, ax: Axes | None = None, *, title: str | None = None) -> 
     mapped(axes)
     axes.set_xlim(x0, x1)
     axes.set_ylim(y0, y1)
-    heading = world.name if title is None else title
+    heading = PurePath(world.name or "").name if title is None else title
     if heading:
         axes.set_title(heading, fontsize=SMALL + 2, color=COLORS["ink"])
+    return axes
+
+
+def under(ground: World | None, ax: Axes | None, *, title: str | None = None) -> Axes:
+    """What plans and rides are drawn on: their map, which the legend names, or an open plain."""
+    axes = map_axes(ground) if ax is None else ax
+    if ground is None:
+        mapped(axes)
+    else:
+        world(ground, axes, title=title)
+        axes.plot([], [], "s", color=COLORS["obstacle"], markersize=8, label="obstacles")
     return axes
 
 

@@ -64,12 +64,7 @@ def plan(
     """
     must_be("plan", plan, _bikebot.Plan)
     ground = world if world is not None else plan.world
-    axes = _ground.map_axes(ground) if ax is None else ax
-    if ground is None:
-        _ground.mapped(axes)
-    else:
-        _ground.world(ground, axes)
-        axes.plot([], [], "s", color=COLORS["obstacle"], markersize=8, label="obstacles")
+    axes = _ground.under(ground, ax)
     told: dict[str, Any] = json.loads(plan.to_json() or "{}")
     problem = told["problem"]
     if plan.found and footprints:
@@ -223,7 +218,7 @@ def curvature(plan: Plan, ax: Axes | None = None) -> Axes:
 
 
 def search(plan: Plan, ax: Axes | None = None) -> Axes:
-    """Cost of the best path against the time since the search began, by stage.
+    """Cost of the best path against the time since the search began, by stage; against iterations where the plan has no times, as that of a ride.
 
     Dots are what a stage found; the line is the best so far among what may be returned.
     """
@@ -231,12 +226,16 @@ def search(plan: Plan, ax: Axes | None = None) -> Axes:
     axes = new_axes(6.4, 2.6) if ax is None else ax
     trace = plan.trace
     time, cost = np.asarray(trace["time_s"], dtype=float), np.asarray(trace["cost"], dtype=float)
+    is_timed = bool(np.isfinite(time).any())
+    if not is_timed:
+        time = np.asarray(trace["iteration"], dtype=float)
     is_good = np.isfinite(time) & np.isfinite(cost) & (time > 0.0)
     certified = np.asarray(trace["certified"], dtype=bool)
     counts = is_good & (certified | (not certified.any()))
     if counts.any():
         best = np.minimum.accumulate(cost[counts])
-        ends = np.append(time[counts], max(plan.time, float(time[counts][-1])))
+        last = float(time[counts][-1])
+        ends = np.append(time[counts], max(plan.time, last) if is_timed else last)
         axes.step(ends, np.append(best, best[-1]), where="post", color=COLORS["grey"], linewidth=1.0, zorder=2)
     stages = np.asarray(trace["stage"])
     for shape, stage in zip("osD^vP", dict.fromkeys(stages[is_good].tolist()), strict=False):
@@ -249,10 +248,13 @@ def search(plan: Plan, ax: Axes | None = None) -> Axes:
         axes.set_xscale("log")
         few = float(time[is_good].max()) < 50.0 * float(time[is_good].min())
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=9))
-        axes.xaxis.set_major_formatter(FuncFormatter(_duration))
+        axes.xaxis.set_major_formatter(FuncFormatter(_duration if is_timed else lambda count, _: f"{count:.0f}"))
         axes.xaxis.set_minor_formatter(FuncFormatter(lambda *_: ""))
         axes.legend(fontsize=SMALL - 0.5, labelcolor=COLORS["ink"], framealpha=0.85, edgecolor=COLORS["rule"])
-    charted(axes, "cost", "", "time since the search began")
+    else:
+        words = "nothing is told of the search" if plan.found else "no path was found"
+        axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", color=COLORS["grey"], fontsize=SMALL)
+    charted(axes, "cost", "", "time since the search began" if is_timed else "iterations")
     return axes
 
 

@@ -69,12 +69,7 @@ def ride(
     """
     must_be("ride", ride, _bikebot.Ride)
     world = ride.scenario.world
-    axes = _ground.map_axes(world) if ax is None else ax
-    if world is None:
-        _ground.mapped(axes)
-    else:
-        _ground.world(world, axes, title="")
-        axes.plot([], [], "s", color=COLORS["obstacle"], markersize=8, label="obstacles")
+    axes = _ground.under(world, ax, title="")
     if search and ride.plan is not None and ride.plan.found:
         stages = json.loads(ride.plan.to_json() or "{}")["stages"]
         _search({key: stages.get(key) for key in ("tree", "corridor_tree")}, axes, world is not None)
@@ -99,7 +94,10 @@ def _around(axes: Axes, rides: list[Ride]) -> None:
     at = at[np.isfinite(at).all(axis=1)]
     if len(at):
         low, high = at.min(axis=0), at.max(axis=0)
-        margin = 1.0 + 0.05 * float((high - low).max())
+        # Outlines reach so far from the rear contact, wherever they point.
+        outlines = [np.asarray(ring) for ride in rides for ring in _bikebot._outline(ride.scenario)]
+        reach = max((float(np.hypot(*ring.T).max()) for ring in outlines), default=0.0)
+        margin = reach + 0.3 + 0.02 * float((high - low).max())
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)
 
@@ -155,11 +153,7 @@ def compare(
     found = named(rides)
     first = next(iter(found.values()))
     world = first.scenario.world
-    axes = _ground.map_axes(world) if ax is None else ax
-    if world is None:
-        _ground.mapped(axes)
-    else:
-        _ground.world(world, axes, title="")
+    axes = _ground.under(world, ax, title="")
     if first.planned is not None and len(first.planned) > 1:
         wide: dict[str, Any] = {"color": COLORS["unknown"], "linewidth": 6.0, "solid_capstyle": "round"}
         axes.plot(*first.planned[:, :2].T, **wide, zorder=2.6, label="planned path")
