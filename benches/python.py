@@ -155,7 +155,11 @@ def sweeps(full: bool, rounds: int = 3) -> None:
             f" ({', '.join(f'{it:.2f}' for it in times)})"
         )
     best = {name: min(times) for name, times in wall.items()}
-    print(f"sweep: {best['one thread'] / best['two threads']:.2f} times as fast on two threads (1.8 wanted)")
+    work = min(busy["two threads"]) / min(busy["one thread"])
+    print(
+        f"sweep: {best['one thread'] / best['two threads']:.2f} times as fast on two threads (1.8 wanted), which together"
+        f" work for {work:.3f} of the processor's time of one"
+    )
     if "Dask" in best:
         more = [100 * (min(it["Dask"]) / min(it["two threads"]) - 1) for it in (wall, busy)]
         print(f"sweep: Dask takes {more[0]:+.1f} % (15 wanted), {more[1]:+.1f} % in seconds of processor")
