@@ -27,6 +27,7 @@ SCHEMAS = {
     "/bike/joints": "foxglove.JointStates",
     "/bike/state": "bikestate.BikeState",
     "/bike/footprint": "foxglove.SceneUpdate",
+    "/bike/model": "foxglove.SceneUpdate",
     "/control/debug": "controldebug.ControlDebug",
     "/obstacles": "foxglove.SceneUpdate",
     "/scan": "foxglove.LaserScan",

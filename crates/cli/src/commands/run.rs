@@ -1,11 +1,19 @@
 //! `bikebot run`: plan, ride, record.
 
 use std::io::{BufWriter, Seek, Write};
+#[cfg(feature = "live")]
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+#[cfg(feature = "live")]
+use std::thread;
+#[cfg(feature = "live")]
+use std::time::Duration;
 use std::time::Instant;
 
 use bikebot_sim::clock::SimTime;
 use bikebot_sim::record::{Event, McapRecorder, RecordError, Recorder, ResultInfo, RunInfo, log};
+#[cfg(feature = "live")]
+use bikebot_sim::record::{LiveError, LiveOptions, LiveServer};
 use bikebot_sim::setup::PathSource;
 use bikebot_sim::{
     Error, ExpectCheck, Metrics, Progress, RunControl, RunOutcome, RunReport, Setup,
@@ -23,6 +31,8 @@ use crate::recording;
 use crate::render::{self, Sheet};
 use crate::terminal::Terminal;
 
+use super::live::{self, Paced, Speed};
+
 /// Plan a path, ride it, and record the ride
 ///
 /// Prints a summary; the recording (MCAP, opens in Foxglove, Lichtblick, Rerun and
@@ -36,6 +46,8 @@ Examples:
   bikebot run scenario.toml
   bikebot run scenario.toml --seed 7 -o ride.mcap
   bikebot run scenario.toml --set follow.max_speed_mps=1.2 --json
+  bikebot run scenario.toml --live            watch it in Foxglove: ws://127.0.0.1:8765
+  bikebot run scenario.toml --live :9000 --speed 0.5
   bikebot run --from ride.mcap                the same ride again, from the recording alone"
 )]
 pub struct RunArgs {
@@ -52,10 +64,27 @@ pub struct RunArgs {
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub force: Force,
+    /// Serve the ride to viewers while it goes on (Foxglove, Lichtblick) [default address: 127.0.0.1:8765]
+    #[cfg(feature = "live")]
+    #[arg(
+        long,
+        value_name = "ADDR:PORT",
+        num_args = 0..=1,
+        default_missing_value = "127.0.0.1:8765",
+        value_parser = live::address
+    )]
+    pub live: Option<SocketAddr>,
+    /// Simulated seconds in a second: 1 is real time, max as fast as it goes [default: max, with --live 1]
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    pub speed: Option<Speed>,
     /// One JSON object instead of the summary
     #[arg(long)]
     pub json: bool,
 }
+
+/// What viewers have to take in the end of a ride.
+#[cfg(feature = "live")]
+const LAST_LOOK: Duration = Duration::from_millis(300);
 
 /// Steps of the progress bar.
 const STEPS: u64 = 1000;
@@ -96,13 +125,32 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
     };
     let info = RunInfo::of(&setup, &loaded.changes());
     let run_id = info.more.get("run_id").cloned().unwrap_or_default();
+    #[cfg(feature = "live")]
+    let server = serve(args, &setup, terminal)?;
+    #[cfg(feature = "live")]
+    let is_live = server.is_some();
+    #[cfg(not(feature = "live"))]
+    let is_live = false;
     let stream = BufWriter::new(output.handle()?);
     let recorder = McapRecorder::begin(stream, &info, &setup.record)
         .map_err(|error| unwritten(&output, &error))?;
-    let mut recorder = Lenient {
-        inner: recorder,
-        failure: None,
+    #[cfg(feature = "live")]
+    let recorder = match &server {
+        Some(server) => recorder.with_live(server),
+        None => recorder,
     };
+    let speed = match (args.speed, is_live) {
+        (Some(speed), _) => speed,
+        (None, true) => Speed::Times(1.0),
+        (None, false) => Speed::Max,
+    };
+    let mut recorder = Paced::new(
+        Lenient {
+            inner: recorder,
+            failure: None,
+        },
+        speed,
+    );
 
     let report = match ride(&setup, &mut recorder, terminal) {
         Ok(report) => report,
@@ -112,13 +160,20 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
         }
     };
     tracing::info!("{} control ticks, {}", report.ticks, report.outcome);
-    let Lenient { mut inner, failure } = recorder;
+    let Lenient { mut inner, failure } = recorder.into_inner();
     let recorded = match failure {
         Some(failure) => Err(failure),
         None => inner.finish(&ResultInfo::of(&report)),
     };
     let size = inner.bytes_written();
     drop(inner);
+    #[cfg(feature = "live")]
+    if let Some(server) = server {
+        if server.viewers() > 0 {
+            thread::sleep(LAST_LOOK);
+        }
+        server.stop();
+    }
     // The ride is worth telling even where its recording failed.
     let recorded = match recorded {
         Ok(()) => output.finish(),
@@ -149,6 +204,37 @@ pub fn run(args: &RunArgs, terminal: &Terminal) -> Ending {
         _ if report.passed() => Exit::Done,
         _ => Exit::NotReached,
     })
+}
+
+/// Begins to serve, where that is asked for.
+#[cfg(feature = "live")]
+fn serve(
+    args: &RunArgs,
+    setup: &Setup,
+    terminal: &Terminal,
+) -> Result<Option<LiveServer>, Failure> {
+    let Some(address) = args.live else {
+        return Ok(None);
+    };
+    let server = LiveServer::start(&LiveOptions {
+        address,
+        name: format!("bikebot {}", setup.name),
+        ..LiveOptions::default()
+    })
+    .map_err(|error| {
+        let told = match &error {
+            LiveError::Listen { address, source } => {
+                format!("cannot serve on {address}: {}", plain(source))
+            }
+            other => other.to_string(),
+        };
+        Failure::io(
+            Diagnostic::error(told)
+                .help("is another ride served there? name another port, like --live :8766"),
+        )
+    })?;
+    terminal.remark(&format!("live at ws://{}", server.address()));
+    Ok(Some(server))
 }
 
 fn load(args: &RunArgs, terminal: &Terminal) -> Result<Loaded, Failure> {
@@ -215,8 +301,9 @@ struct Lenient<W: Write + Seek> {
 
 impl<W: Write + Seek> Recorder for Lenient<W> {
     fn record(&mut self, time: SimTime, event: &Event<'_>) -> Result<(), RecordError> {
-        if self.failure.is_none()
-            && let Err(error) = self.inner.record(time, event)
+        // Also after a failure: a recorder drops what it cannot keep, and viewers go on.
+        if let Err(error) = self.inner.record(time, event)
+            && self.failure.is_none()
         {
             self.failure = Some(error);
         }

@@ -31,6 +31,13 @@ use crate::clock::SimTime;
 /// with the flush each second, the most a killed program may lose.
 const CHUNK_SIZE: u64 = 256 * 1024;
 
+/// Parts of a topic whose messages do not replace each other: all of it, and beside that what is named.
+const WHOLE: u8 = 0;
+/// The followed curve, on the topic of the plan's scene.
+const FOLLOWED: u8 = 1;
+/// What moves, on the topic of the obstacles.
+const MOVING: u8 = 1;
+
 /// Name of the metadata record that says what the run is.
 pub(super) const RUN: &str = "bikebot.run";
 /// Name of the metadata record that says how it ended.
@@ -98,9 +105,12 @@ pub struct McapRecorder<W: Write + Seek> {
     held_control: Option<(SimTime, ControlSample)>,
     /// Messages placed in the world, of the present stamp, until its state has come
     /// and with it the transforms: a viewer looks for those at or before each stamp.
-    waiting: Vec<(Topic, Vec<u8>)>,
+    waiting: Vec<(Topic, u8, Vec<u8>)>,
     /// The stamp whose state has come.
     settled: Option<SimTime>,
+    /// Whoever else is handed every message.
+    #[cfg(feature = "live")]
+    live: Option<Arc<super::live::Shared>>,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -176,6 +186,8 @@ impl<W: Write + Seek> McapRecorder<W> {
             held_control: None,
             waiting: Vec::new(),
             settled: None,
+            #[cfg(feature = "live")]
+            live: None,
         };
         this.metadata(RUN, run_metadata(run))?;
         this.attach(SCENARIO, "application/toml", run.scenario_text.as_bytes())?;
@@ -196,6 +208,26 @@ impl<W: Write + Seek> McapRecorder<W> {
         }
         this.flush()?;
         Ok(this)
+    }
+
+    /// Hands every message from now on to the viewers of `server` as well, also where the file fails.
+    #[cfg(feature = "live")]
+    #[must_use]
+    pub fn with_live(mut self, server: &super::live::LiveServer) -> Self {
+        self.live = Some(server.shared());
+        self
+    }
+
+    /// Whether someone watches, whatever becomes of the file.
+    fn is_live(&self) -> bool {
+        #[cfg(feature = "live")]
+        {
+            self.live.is_some()
+        }
+        #[cfg(not(feature = "live"))]
+        {
+            false
+        }
     }
 
     /// Closes the recording: the last samples, how the run ended, the index.
@@ -317,6 +349,16 @@ impl<W: Write + Seek> McapRecorder<W> {
         time: SimTime,
         message: &M,
     ) -> Result<(), RecordError> {
+        self.send_part(topic, WHOLE, time, message)
+    }
+
+    fn send_part<M: Encode>(
+        &mut self,
+        topic: Topic,
+        part: u8,
+        time: SimTime,
+        message: &M,
+    ) -> Result<(), RecordError> {
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
         #[expect(clippy::expect_used, reason = "a vector grows as it must")]
@@ -324,10 +366,10 @@ impl<W: Write + Seek> McapRecorder<W> {
             .encode(&mut buffer)
             .expect("encoding fails only for want of room, and a vector grows");
         if topic.is_framed() && self.settled != Some(time) {
-            self.waiting.push((topic, buffer));
+            self.waiting.push((topic, part, buffer));
             return Ok(());
         }
-        let sent = self.write_message(topic, time, &buffer);
+        let sent = self.write_message(topic, part, time, &buffer);
         self.buffer = buffer;
         sent
     }
@@ -335,9 +377,14 @@ impl<W: Write + Seek> McapRecorder<W> {
     fn write_message(
         &mut self,
         topic: Topic,
+        #[cfg_attr(not(feature = "live"), expect(unused_variables))] part: u8,
         time: SimTime,
         message: &[u8],
     ) -> Result<(), RecordError> {
+        #[cfg(feature = "live")]
+        if let Some(live) = &self.live {
+            live.publish(topic, part, time, message);
+        }
         let channel = self.channels[topic as usize];
         let header = MessageHeader {
             channel_id: channel.id,
@@ -358,8 +405,8 @@ impl<W: Write + Seek> McapRecorder<W> {
 
     /// Writes what waited for transforms, all of the stamp `time`.
     fn release_waiting(&mut self, time: SimTime) -> Result<(), RecordError> {
-        for (topic, message) in std::mem::take(&mut self.waiting) {
-            self.write_message(topic, time, &message)?;
+        for (topic, part, message) in std::mem::take(&mut self.waiting) {
+            self.write_message(topic, part, time, &message)?;
         }
         Ok(())
     }
@@ -491,11 +538,12 @@ impl<W: Write + Seek> McapRecorder<W> {
 
 impl<W: Write + Seek> Recorder for McapRecorder<W> {
     fn record(&mut self, time: SimTime, event: &Event<'_>) -> Result<(), RecordError> {
-        if self.failure.is_some() {
-            return Ok(());
-        }
-        if self.closed.is_some() {
-            return Err(RecordError::Finished);
+        match &self.failure {
+            Some(_) if !self.is_live() => return Ok(()),
+            // The file has ended; those who watch go on.
+            Some(_) => {}
+            None if self.closed.is_some() => return Err(RecordError::Finished),
+            None => {}
         }
         if time < self.last_time {
             return Err(RecordError::TimeWentBack {
@@ -514,7 +562,7 @@ impl<W: Write + Seek> Recorder for McapRecorder<W> {
         match *event {
             Event::Bike(bike) => {
                 self.bike = Some(bike.clone());
-                Ok(())
+                self.send(Topic::Model, time, &messages::bike_model(time, bike))
             }
             Event::Map(ref map) => self.map(time, map),
             Event::Plan(ref plan) => {
@@ -526,7 +574,7 @@ impl<W: Write + Seek> Recorder for McapRecorder<W> {
             Event::FollowedPath(path) => {
                 self.send(Topic::Followed, time, &messages::path_table(time, path))?;
                 let scene = messages::followed_scene(time, path);
-                self.send(Topic::PlanScene, time, &scene)
+                self.send_part(Topic::PlanScene, FOLLOWED, time, &scene)
             }
             Event::State(state) => self.state(time, state, false),
             Event::Control(control) => self.control(time, control, false),
@@ -541,7 +589,7 @@ impl<W: Write + Seek> Recorder for McapRecorder<W> {
             Event::MovingObstacles(shapes) => {
                 if self.moving.is_due(time) {
                     let scene = messages::obstacles(time, messages::MOVING, shapes);
-                    self.send(Topic::Obstacles, time, &scene)?;
+                    self.send_part(Topic::Obstacles, MOVING, time, &scene)?;
                 }
                 Ok(())
             }

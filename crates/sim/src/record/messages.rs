@@ -3,6 +3,7 @@
 //! Well-known Foxglove messages where one fits, so that viewers draw them unasked;
 //! flat messages of our own where numbers are all there is. Units are SI.
 
+mod bike_model;
 mod frames;
 mod grids;
 mod scenes;
@@ -12,6 +13,7 @@ mod topic;
 
 use foxglove::messages::{LaserScan, Log, Pose, PosesInFrame, Quaternion, Timestamp, Vector3, log};
 
+pub(super) use bike_model::bike_model;
 pub(super) use frames::{bike_pose, frames, joints};
 pub(super) use grids::{map_colour, map_occupancy};
 pub(super) use scenes::{MOVING, STANDING, followed_scene, footprint, obstacles, plan_scene};

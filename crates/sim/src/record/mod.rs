@@ -14,6 +14,8 @@ mod about;
 mod columns;
 pub mod event;
 pub mod hash;
+#[cfg(feature = "live")]
+pub mod live;
 pub mod log;
 pub mod mcap_recorder;
 mod messages;
@@ -36,6 +38,8 @@ pub use event::{
     Shape, StateColumns, StateSample,
 };
 pub use hash::{ResultHasher, sha256_hex};
+#[cfg(feature = "live")]
+pub use live::{LiveError, LiveOptions, LiveServer};
 pub use mcap_recorder::McapRecorder;
 pub use trace::Trace;
 

@@ -28,10 +28,11 @@ pub(in crate::record) enum Topic {
     Belief,
     Events,
     Log,
+    Model,
 }
 
 impl Topic {
-    pub(in crate::record) const ALL: [Self; 17] = [
+    pub(in crate::record) const ALL: [Self; 18] = [
         Self::Frames,
         Self::Map,
         Self::Occupancy,
@@ -49,6 +50,7 @@ impl Topic {
         Self::Belief,
         Self::Events,
         Self::Log,
+        Self::Model,
     ];
 
     pub(in crate::record) const fn name(self) -> &'static str {
@@ -70,6 +72,7 @@ impl Topic {
             Self::Belief => "/belief",
             Self::Events => "/events",
             Self::Log => "/log",
+            Self::Model => "/bike/model",
         }
     }
 
@@ -88,6 +91,24 @@ impl Topic {
                 | Self::Obstacles
                 | Self::Scan
                 | Self::Belief
+                | Self::Model
+        )
+    }
+
+    /// Whether its last message stays true until the next: whoever comes later needs it.
+    #[cfg(feature = "live")]
+    pub(in crate::record) const fn stands(self) -> bool {
+        matches!(
+            self,
+            Self::Map
+                | Self::Occupancy
+                | Self::PlanPath
+                | Self::PlanScene
+                | Self::PlanSamples
+                | Self::Followed
+                | Self::Obstacles
+                | Self::Belief
+                | Self::Model
         )
     }
 
@@ -100,7 +121,9 @@ impl Topic {
             Self::Frames => of::<FrameTransforms>(),
             Self::Map | Self::Occupancy | Self::Belief => of::<Grid>(),
             Self::PlanPath => of::<PosesInFrame>(),
-            Self::PlanScene | Self::Footprint | Self::Obstacles => of::<SceneUpdate>(),
+            Self::PlanScene | Self::Footprint | Self::Obstacles | Self::Model => {
+                of::<SceneUpdate>()
+            }
             Self::PlanSamples | Self::Followed => of::<PathTable>(),
             Self::Pose => of::<PoseInFrame>(),
             Self::Joints => of::<JointStates>(),

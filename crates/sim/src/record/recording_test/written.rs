@@ -22,6 +22,7 @@ fn every_topic_has_the_promised_schema_and_rate() {
         ("/bike/state", "bikestate.BikeState", 301),
         ("/control/debug", "controldebug.ControlDebug", 301),
         ("/bike/footprint", "foxglove.SceneUpdate", 61),
+        ("/bike/model", "foxglove.SceneUpdate", 1),
         ("/obstacles", "foxglove.SceneUpdate", 62),
         ("/scan", "foxglove.LaserScan", 31),
         ("/belief", "foxglove.Grid", 7),
