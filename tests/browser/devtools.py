@@ -91,7 +91,7 @@ class Browser:
             raise RuntimeError(f"{script}: {answer['exceptionDetails']}")
         return answer["result"].get("value")
 
-    async def open(self, path, width=1280, height=900, scheme="light"):
+    async def open(self, path, width=1280, height=900, scheme="light", ready="!!window.bikebot"):
         """Opens a file, and waits until its script has drawn it."""
         await self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1,
                         mobile=width < 600)
@@ -100,7 +100,7 @@ class Browser:
         self.events.clear()
         await self.call("Page.navigate", url=pathlib.Path(path).absolute().as_uri())
         for _ in range(400):
-            if await self.run("document.readyState === 'complete' && !!window.bikebot"):
+            if await self.run(f"document.readyState === 'complete' && {ready}"):
                 break
             await asyncio.sleep(0.05)
         await self.settle()

@@ -32,7 +32,7 @@ Results go to standard output, everything else to standard error.
 
 Exit codes:
     0  done: arrived, found, or every expectation and check holds
-    1  ran, but the goal was not reached, or a check does not hold
+    1  ran, but the goal was not reached, or a check or claim does not hold
     2  bad usage, scenario or map
     3  input or output failed, or a log was saved with losses
   130  interrupted; the recording is closed and readable
@@ -59,6 +59,7 @@ pub enum Verb {
     Plan(commands::plan::PlanArgs),
     Verify(commands::verify::VerifyArgs),
     Table2(commands::table2::Table2Args),
+    Reproduce(commands::reproduce::ReproduceArgs),
     Plot(commands::plot::PlotArgs),
     Report(commands::report::ReportArgs),
     Sweep(commands::sweep::SweepArgs),
@@ -324,6 +325,7 @@ mod tests {
                 "plan",
                 "verify",
                 "table2",
+                "reproduce",
                 "plot",
                 "report",
                 "sweep",

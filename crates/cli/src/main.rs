@@ -54,6 +54,7 @@ fn dispatch(verb: &Verb, terminal: &Terminal) -> Ending {
         Verb::Plan(args) => commands::plan::run(args, terminal),
         Verb::Verify(args) => commands::verify::run(args, terminal),
         Verb::Table2(args) => commands::table2::run(args, terminal),
+        Verb::Reproduce(args) => commands::reproduce::run(args, terminal),
         Verb::Plot(args) => commands::plot::run(args, terminal),
         Verb::Report(args) => commands::report::run(args, terminal),
         Verb::Sweep(args) => commands::sweep::run(args, terminal),

@@ -31,6 +31,23 @@ pub const PURPLE: Colour = Colour("#cc79a7");
 /// Orange: the outline of the robot.
 pub const ORANGE: Colour = Colour("#e69f00");
 
+/// The colours by the names that pages know them by.
+pub const NAMED: [(&str, Colour); 13] = [
+    ("blue", BLUE),
+    ("sky", SKY),
+    ("vermilion", VERMILION),
+    ("green", GREEN),
+    ("purple", PURPLE),
+    ("orange", ORANGE),
+    ("obstacle", OBSTACLE),
+    ("unknown", UNKNOWN),
+    ("field", FIELD),
+    ("ink", INK),
+    ("grey", GREY),
+    ("rule", RULE),
+    ("paper", PAPER),
+];
+
 /// From straight to the curvature limit, in seven steps: from blue over grey-violet to yellow-brown, ever
 /// lighter, so that it can be read in grey as well.
 pub const RAMP: [Colour; 7] = [

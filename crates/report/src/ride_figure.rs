@@ -14,6 +14,8 @@ use crate::sheet::{headed, put_map, ticks};
 
 /// Most outlines of the robot on one map.
 const MAX_OUTLINES: f64 = 60.0;
+/// Most ticks of a strip upwards: with fewer an axis of ±4° would have one at 0 alone.
+const Y_TICKS: usize = 6;
 /// Lean from which an outline is drawn in full colour, rad.
 const FULL_LEAN: f64 = 0.09;
 
@@ -224,14 +226,14 @@ impl<'a> RideFigure<'a> {
             y: Axis::around(values.copied().chain([0.0]), 0.08),
         };
         let x_ticks = ticks(area.width, 60.0, 10);
-        chart.ground(drawing, x_ticks, 4);
+        chart.ground(drawing, x_ticks, Y_TICKS);
         let line = |series: &Series, style| Item::Shape(chart.curve(series.pairs()), style);
         let zero = chart.curve([[0.0, 0.0], [end, 0.0]]);
         let mut items = vec![Item::Shape(zero, Style::line(palette::GREY, 0.8))];
         items.extend(wanted.map(|wanted| line(wanted, REFERENCE)));
         items.push(line(is, RIDDEN));
         chart.data(drawing, items);
-        chart.frame(drawing, x_ticks, 4, "time, s");
+        chart.frame(drawing, x_ticks, Y_TICKS, "time, s");
         let remark = format!("largest {} {unit}", significant(is.most(), 3));
         chart.heading(drawing, &format!("{name}, {unit}"), &remark);
     }

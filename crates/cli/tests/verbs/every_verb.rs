@@ -21,6 +21,7 @@ fn help_of_every_verb_fits_a_hundred_columns() {
         "plan",
         "verify",
         "table2",
+        "reproduce",
         "plot",
         "report",
         "sweep",

@@ -11,14 +11,15 @@ pub(super) const MAX_EVENTS: usize = 400;
 /// Most lines of a ride's log that are listed.
 const MAX_LINES: usize = 400;
 
-const STYLE: &str = include_str!("../../assets/report.css");
+/// The sheet of all our pages.
+pub(crate) const SHEET: &str = include_str!("../../assets/report.css");
 const SCRIPT: &str = include_str!("../../assets/report.js");
 const CHART_STYLE: &str = include_str!("../../assets/uplot/uPlot.min.css");
 const CHART_SCRIPT: &str = include_str!("../../assets/uplot/uPlot.iife.min.js");
 const CHART_LICENCE: &str = include_str!("../../assets/uplot/LICENSE");
 
 /// Text that may stand anywhere in the page.
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -65,7 +66,7 @@ pub(super) fn page(rides: &[Ride<'_>], data: &PageData, version: &str) -> String
         script-src 'unsafe-inline'; img-src data:\">\n\
         <meta name=\"color-scheme\" content=\"light dark\">\n\
         <meta name=\"generator\" content=\"bikebot {}\">\n<title>{} · bikebot report</title>\n\
-        <link rel=\"icon\" href=\"data:,\">\n<style>\n{}</style>\n<style>{CHART_STYLE}</style>\n<style>\n{STYLE}</style>\n\
+        <link rel=\"icon\" href=\"data:,\">\n<style>\n{}</style>\n<style>{CHART_STYLE}</style>\n<style>\n{SHEET}</style>\n\
         </head>\n<body>\n",
         escaped(version),
         escaped(&title),
@@ -96,23 +97,8 @@ pub(super) fn page(rides: &[Ride<'_>], data: &PageData, version: &str) -> String
 }
 
 /// The palette of the figures as variables of the style sheet.
-fn colours() -> String {
-    let named = [
-        ("blue", palette::BLUE),
-        ("sky", palette::SKY),
-        ("vermilion", palette::VERMILION),
-        ("green", palette::GREEN),
-        ("purple", palette::PURPLE),
-        ("orange", palette::ORANGE),
-        ("obstacle", palette::OBSTACLE),
-        ("unknown", palette::UNKNOWN),
-        ("field", palette::FIELD),
-        ("ink", palette::INK),
-        ("grey", palette::GREY),
-        ("rule", palette::RULE),
-        ("paper", palette::PAPER),
-    ];
-    let lines = named.map(|(name, colour)| format!("  --{name}: {};\n", colour.0));
+pub(crate) fn colours() -> String {
+    let lines = palette::NAMED.map(|(name, colour)| format!("  --{name}: {};\n", colour.0));
     format!(":root {{\n{}}}\n", lines.concat())
 }
 
@@ -595,7 +581,7 @@ mod tests {
             assert!(!low.contains("</script") && !low.contains("<!--"));
         }
         assert!(!CHART_LICENCE.contains("*/"));
-        for style in [STYLE, CHART_STYLE] {
+        for style in [SHEET, CHART_STYLE] {
             assert!(!style.to_lowercase().contains("</style"));
         }
     }

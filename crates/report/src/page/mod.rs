@@ -21,6 +21,8 @@ use bikebot_sim::record::Trace;
 use bikebot_sim::record::log::LogInfo;
 use serde::Serialize;
 
+pub(crate) use html::{SHEET, colours, escaped};
+
 use histories::Rows;
 use verdict::{Tone, Verdict};
 

@@ -4,6 +4,7 @@ pub mod compare;
 mod compare_text;
 pub mod crossing;
 pub mod online;
+pub mod reproduce;
 pub mod robustness;
 pub mod robustness_text;
 mod spread;

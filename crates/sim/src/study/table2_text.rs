@@ -85,6 +85,13 @@ impl Table2 {
         text
     }
 
+    /// The cells of every row as text for people: name; length, the paper's; roughness, the paper's, at 0.5 m; largest curvature, jump; time, the
+    /// paper's; how many found a path. `-` where something does not apply.
+    #[must_use]
+    pub fn cells(&self) -> Vec<Vec<String>> {
+        self.rows.iter().map(cells).collect()
+    }
+
     /// A table in Markdown.
     #[must_use]
     pub fn to_markdown(&self, is_reconstruction: bool) -> String {
@@ -158,7 +165,9 @@ impl Table2 {
         text
     }
 
-    fn notes(&self, is_reconstruction: bool) -> Vec<String> {
+    /// What has to be said below the table, a sentence or two each.
+    #[must_use]
+    pub fn notes(&self, is_reconstruction: bool) -> Vec<String> {
         let mut notes = Vec::new();
         if self.interrupted {
             notes.push("Interrupted: these are the runs made until then.".to_owned());
