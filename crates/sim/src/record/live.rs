@@ -167,12 +167,15 @@ impl LiveServer {
     }
 }
 
+/// Time in ns and bytes of messages, by the number of their topic and its part.
+type Standing = BTreeMap<(usize, u8), (u64, Vec<u8>)>;
+
 /// What recorder and server have in common.
 pub(super) struct Shared {
     /// In the order of [`Topic::ALL`].
     channels: Vec<Arc<RawChannel>>,
-    /// The last message of what stands, by topic and part of it.
-    standing: Mutex<BTreeMap<(usize, u8), (u64, Vec<u8>)>>,
+    /// The last message of what stands.
+    standing: Mutex<Standing>,
 }
 
 impl Shared {
@@ -191,7 +194,7 @@ impl Shared {
     }
 
     /// Nothing that is kept can be half written: a panic elsewhere leaves it as it was.
-    fn standing(&self) -> MutexGuard<'_, BTreeMap<(usize, u8), (u64, Vec<u8>)>> {
+    fn standing(&self) -> MutexGuard<'_, Standing> {
         self.standing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -805,11 +805,14 @@ fn arrives(rides: &Rides) -> Option<Finding> {
     })
 }
 
+/// What is looked at of a ride.
+type Metric = fn(&Metrics) -> Option<f64>;
+
 /// A metric over the rides of both modes.
 fn both(
     measured: &Measured,
-    over: fn(&Rides, fn(&Metrics) -> Option<f64>) -> Option<f64>,
-    metric: fn(&Metrics) -> Option<f64>,
+    over: fn(&Rides, Metric) -> Option<f64>,
+    metric: Metric,
 ) -> Option<f64> {
     let all = [&measured.flywheel, &measured.balancer]
         .into_iter()

@@ -78,7 +78,7 @@ pub enum ReproduceError {
         /// Which.
         file: &'static str,
         /// What is wrong with it.
-        error: ScenarioError,
+        error: Box<ScenarioError>,
     },
     /// A shipped scenario cannot be made sense of.
     #[error("{file}: {error}")]
@@ -169,7 +169,10 @@ struct Shipped {
 
 impl Shipped {
     fn load(path: &'static str, changes: &[Override]) -> Result<Self, ReproduceError> {
-        let scenario = |error| ReproduceError::Scenario { file: path, error };
+        let scenario = |error| ReproduceError::Scenario {
+            file: path,
+            error: Box::new(error),
+        };
         let text = built_in::text(path).map_err(|message| {
             scenario(ScenarioError::plain(message, "it comes with the program"))
         })?;
