@@ -323,7 +323,8 @@ impl<'a> RideFigure<'a> {
 }
 
 const EDGE: Colour = Colour("#b07800");
-const PLANNED: Style = Style::line(palette::BLUE, 3.0);
+/// Broad and pale: the ridden line lies on it, and both are seen.
+const PLANNED: Style = Style::line(palette::SKY, 6.0);
 const RIDDEN: Style = Style::line(palette::VERMILION, 1.6);
 const REFERENCE: Style = Style::line(palette::BLUE, 1.3).dashed(&[5.0, 4.0]);
 

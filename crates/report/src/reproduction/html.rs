@@ -148,14 +148,14 @@ fn claim(out: &mut String, judged: &Judged) {
     }
     let _ = write!(
         out,
-        "<pre tabindex=\"0\"><code>{}</code></pre></details></td><td class=\"ours\" data-name=\"ours\">{}</td>",
+        "<pre tabindex=\"0\"><code>{}</code></pre></details></td><td class=\"ours\" data-name=\"ours\"><div>{}</div></td>",
         escaped(&judged.command),
         prose(ours)
     );
     let paper = if paper.is_empty() { "–" } else { paper };
     let _ = writeln!(
         out,
-        "<td class=\"paper\" data-name=\"paper\">{}</td></tr>",
+        "<td class=\"paper\" data-name=\"paper\"><div>{}</div></td></tr>",
         prose(paper)
     );
 }
