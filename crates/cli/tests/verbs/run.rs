@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::common::{SCENE, call, folder, good, json, names, out};
+use crate::common::{SCENE, SHORT, call, folder, good, json, names, out};
 
 #[test]
 fn a_run_as_json_has_the_promised_keys() {
@@ -114,4 +114,42 @@ fn a_fall_that_was_expected_is_a_success() {
     let line = "run short.toml --set start.roll_deg=35 --set run.duration_s=5";
     assert_eq!(call(folder.path(), line).status.code(), Some(1));
     good(folder.path(), &format!("{line} --set expect.outcome=fell"));
+}
+
+#[test]
+fn a_recording_is_as_dense_as_the_scenario_says() {
+    let folder = folder();
+    let dense =
+        format!("{SHORT}[record]\nstate_hz = 20\npose_hz = 10\nframes_hz = 4\nscene_hz = 1\n");
+    fs::write(folder.path().join("dense.toml"), dense).unwrap();
+    let counts = |line: &str| {
+        good(folder.path(), line);
+        let info = json(&good(folder.path(), "info a.mcap --json"));
+        let topics = info["topics"].as_array().unwrap().clone();
+        [
+            "/bike/state",
+            "/control/debug",
+            "/bike/pose",
+            "/tf",
+            "/bike/joints",
+            "/bike/footprint",
+        ]
+        .map(|name| {
+            let topic = topics.iter().find(|topic| topic["topic"] == name);
+            topic.unwrap()["messages"].as_u64().unwrap()
+        })
+    };
+    // Two seconds, and the first instant.
+    assert_eq!(counts("run dense.toml -o a.mcap"), [41, 41, 21, 9, 9, 3]);
+    assert_eq!(
+        counts(
+            "run dense.toml -o a.mcap --force --set record.state_hz=5 --set record.pose_hz=1000"
+        ),
+        // A rate above that of the control is every tick: 2 ms here.
+        [11, 11, 1001, 9, 9, 3]
+    );
+    assert_eq!(
+        counts("run short.toml -o a.mcap --force"),
+        [201, 201, 101, 201, 201, 41]
+    );
 }
