@@ -340,13 +340,9 @@ fn field_of_posts() -> World {
     World::new(Bounds::new(-half, -half, half, half), obstacles).expect("a field")
 }
 
-/// Scans of a weaving ride, entered one by one: see `cargo bench -p bikebot-mapping` for the baseline.
+/// Scans of a weaving ride, entered one by one in cells of a decimetre and of half of one: see `cargo bench -p bikebot-mapping` for the baseline.
 fn insertion(c: &mut Criterion) {
-    let (world, laser, params) = (
-        field_of_posts(),
-        LaserParams::default(),
-        MapperParams::default(),
-    );
+    let (world, laser) = (field_of_posts(), LaserParams::default());
     let scanner = LaserScanner::new(&laser).expect("a laser");
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let scans: Vec<(LaserScan, Pose2, f64)> = (0..200)
@@ -364,26 +360,34 @@ fn insertion(c: &mut Criterion) {
             .filter(|r| r.is_finite())
     };
     let mean = ranges().sum::<f64>() / ranges().count() as f64;
-    let belief = BeliefGrid::over(world.bounds(), params.cell).expect("a grid");
     let outline = Footprint::bike();
-    let mut mapper = Mapper::new(&params, &laser, Some(&outline), belief).expect("a mapper");
-    let mut enter = |(scan, pose, roll): &(LaserScan, Pose2, f64)| {
-        mapper
-            .insert(scan, |_| (*pose, *roll))
-            .expect("a scan")
-            .len()
-    };
-    let mut times = Times::default();
-    for scan in scans.iter().cycle().take(10_000) {
-        times.0.push(timed(|| black_box(enter(scan))).0);
-    }
-    times.print(&format!("a scan of 1081 beams, {mean:.1} m on average"));
     let mut group = c.benchmark_group("online");
     group.throughput(Throughput::Elements(1081));
-    let mut next = scans.iter().cycle();
-    group.bench_function("scan_insertion", |b| {
-        b.iter(|| next.next().map(&mut enter));
-    });
+    for cell in [0.1, 0.05] {
+        let params = MapperParams {
+            cell,
+            ..MapperParams::default()
+        };
+        let belief = BeliefGrid::over(world.bounds(), cell).expect("a grid");
+        let mut mapper = Mapper::new(&params, &laser, Some(&outline), belief).expect("a mapper");
+        let mut enter = |(scan, pose, roll): &(LaserScan, Pose2, f64)| {
+            mapper
+                .insert(scan, |_| (*pose, *roll))
+                .expect("a scan")
+                .len()
+        };
+        let mut times = Times::default();
+        for scan in scans.iter().cycle().take(10_000) {
+            times.0.push(timed(|| black_box(enter(scan))).0);
+        }
+        times.print(&format!(
+            "a scan of 1081 beams, {mean:.1} m on average, cells of {cell} m"
+        ));
+        let mut next = scans.iter().cycle();
+        group.bench_function(format!("scan_insertion/{cell}"), |b| {
+            b.iter(|| next.next().map(&mut enter));
+        });
+    }
     group.finish();
 }
 

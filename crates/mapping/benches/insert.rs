@@ -116,7 +116,10 @@ fn visits(scanner: &LaserScanner, scans: &[(LaserScan, Pose2, f64)]) -> (f64, f6
 fn insert(c: &mut Criterion) {
     let world = field();
     let laser = LaserParams::default();
-    let params = MapperParams::default();
+    let params = MapperParams {
+        cell: 0.1,
+        ..MapperParams::default()
+    };
     let scanner = LaserScanner::new(&laser).expect("a laser");
     let scans = ride(&world, &laser, 200);
     let belief = || BeliefGrid::over(bounds(), params.cell).expect("a grid");

@@ -30,6 +30,8 @@ const BLIND: f64 = 0.1;
 /// Beams to either side that must have met nothing before, for a missing return to clear as far as it may: a lost return
 /// must not clear what the beams beside it see.
 const WITNESSES: usize = 2;
+/// Room for so many cells that change with one scan, for each beam: more than rides along walls need, so that none allocates.
+const CHANGES_PER_BEAM: usize = 16;
 
 /// A return that was believed to come from an obstacle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -138,7 +140,7 @@ impl Mapper {
             nearest: Vec::with_capacity(beams),
             beside: Beside::with_capacity(beams),
             hits: Vec::with_capacity(beams),
-            changes: Vec::with_capacity(1024),
+            changes: Vec::with_capacity(CHANGES_PER_BEAM * beams),
             belief,
         })
     }

@@ -128,16 +128,16 @@ fn a_noisy_leaning_ride_leaves_nothing_solid_free_and_flips_few_cells() {
             }
         }
         // Most of the field is seen to be free, and obstacles are there.
-        assert!(free > 70_000, "seed {seed}: {free} free");
-        assert!(solid > 1000, "seed {seed}: {solid} solid");
+        assert!(free > 280_000, "seed {seed}: {free} free");
+        assert!(solid > 3000, "seed {seed}: {solid} solid");
         // The ground never becomes an obstacle: cells stand out by no more than three deviations of pose and range (6 cm for the
         // position, 16 cm for the heading at 15 m, 10 cm for the range) and a cell.
         assert_eq!(false_hits, 0, "seed {seed}");
-        // No centre of a free cell lies inside anything by more than half of what the position is wrong by.
-        assert!(deepest < 0.01, "seed {seed}: {deepest} m deep");
-        // Once half a round is done, a scan changes a few of 90 000 cells.
+        // No centre of a free cell lies inside anything by much more than the deviation of the position.
+        assert!(deepest < 0.03, "seed {seed}: {deepest} m deep");
+        // Once half a round is done, a scan changes a few of 360 000 cells.
         assert!(
-            flips < 300 * 40,
+            flips < 300 * 100,
             "seed {seed}: {flips} changes in 300 scans"
         );
     }

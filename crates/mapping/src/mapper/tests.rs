@@ -28,13 +28,21 @@ fn block(x0: f64, y0: f64, x1: f64, y1: f64) -> Obstacle {
     }
 }
 
+/// The cells that the coordinates in these tests are made for.
+fn decimetres() -> MapperParams {
+    MapperParams {
+        cell: 0.1,
+        ..MapperParams::default()
+    }
+}
+
 fn mapper_of(params: &MapperParams, laser: &LaserParams, half: f64) -> Mapper {
     let belief = BeliefGrid::over(bounds(half), params.cell).unwrap();
     Mapper::new(params, laser, Some(&Footprint::bike()), belief).unwrap()
 }
 
-fn default_mapper(half: f64) -> Mapper {
-    mapper_of(&MapperParams::default(), &LaserParams::default(), half)
+fn decimetre_mapper(half: f64) -> Mapper {
+    mapper_of(&decimetres(), &LaserParams::default(), half)
 }
 
 /// Scans `world` from a bike that stands at `pose`.
@@ -48,7 +56,7 @@ fn look(mapper: &mut Mapper, laser: &LaserParams, world: &World, pose: Pose2, ro
 #[test]
 fn a_wall_becomes_occupied_the_way_to_it_free_and_what_lies_behind_stays_unknown() {
     let world = room(10.0, vec![block(4.03, -3.0, 5.0, 3.0)]);
-    let mut mapper = default_mapper(10.0);
+    let mut mapper = decimetre_mapper(10.0);
     let laser = LaserParams::default();
     let pose = Pose2::new(-2.0, 0.0, 0.0);
     for _ in 0..5 {
@@ -70,7 +78,7 @@ fn a_wall_becomes_occupied_the_way_to_it_free_and_what_lies_behind_stays_unknown
 
 #[test]
 fn a_free_cell_doubts_after_one_hit_and_believes_after_two() {
-    let mut mapper = default_mapper(10.0);
+    let mut mapper = decimetre_mapper(10.0);
     let laser = LaserParams::default();
     let pose = Pose2::new(-2.0, 0.0, 0.0);
     let (empty, blocked) = (
@@ -90,7 +98,7 @@ fn a_free_cell_doubts_after_one_hit_and_believes_after_two() {
 
 #[test]
 fn what_has_moved_away_is_free_again_after_a_few_scans() {
-    let mut mapper = default_mapper(10.0);
+    let mut mapper = decimetre_mapper(10.0);
     let laser = LaserParams::default();
     let pose = Pose2::new(-2.0, 0.0, 0.0);
     let (empty, blocked) = (
@@ -115,7 +123,7 @@ fn what_has_moved_away_is_free_again_after_a_few_scans() {
 #[test]
 fn changes_are_the_difference_between_before_and_after() {
     let world = room(6.0, vec![block(1.0, -0.7, 1.6, 0.4)]);
-    let mut mapper = default_mapper(6.0);
+    let mut mapper = decimetre_mapper(6.0);
     let laser = LaserParams {
         range_sigma: 0.05,
         dropout_probability: 0.1,
@@ -151,7 +159,7 @@ fn the_order_of_the_beams_does_not_matter() {
     turned.ranges.reverse();
     turned.angle_min = scan.angle_min + scan.angle_step * 1080.0;
     turned.angle_step = -scan.angle_step;
-    let (mut one, mut other) = (default_mapper(8.0), default_mapper(8.0));
+    let (mut one, mut other) = (decimetre_mapper(8.0), decimetre_mapper(8.0));
     for _ in 0..3 {
         one.insert(&scan, |_| (pose, 0.1)).unwrap();
         other.insert(&turned, |_| (pose, 0.1)).unwrap();
@@ -176,7 +184,7 @@ fn the_ground_is_no_obstacle_and_hides_nothing() {
         mount_x: 0.0,
         ..LaserParams::default()
     };
-    let mut mapper = mapper_of(&MapperParams::default(), &laser, 10.0);
+    let mut mapper = mapper_of(&decimetres(), &laser, 10.0);
     let pose = Pose2::new(0.0, 0.0, 0.0);
     let scanner = LaserScanner::new(&laser).unwrap();
     let scan = scanner.scan(&room(10.0, vec![]), &pose, roll, &mut rng());
@@ -216,7 +224,7 @@ fn returns_from_the_bike_itself_neither_hit_nor_clear() {
         fov_deg: 2.0,
         ..LaserParams::default()
     };
-    let mut mapper = mapper_of(&MapperParams::default(), &laser, 5.0);
+    let mut mapper = mapper_of(&decimetres(), &laser, 5.0);
     let pose = Pose2::new(0.0, 0.0, 0.0);
     // The outline ends 1.46 m ahead of the rear contact, 0.26 m ahead of the laser.
     let scan = LaserScan {
@@ -244,7 +252,7 @@ fn lost_returns_do_not_clear_a_wall_nor_what_is_behind_it() {
         dropout_probability: 0.2,
         ..LaserParams::default()
     };
-    let mut mapper = mapper_of(&MapperParams::default(), &laser, 15.0);
+    let mut mapper = mapper_of(&decimetres(), &laser, 15.0);
     let scanner = LaserScanner::new(&laser).unwrap();
     let mut rng = rng();
     let pose = Pose2::new(-2.0, 0.0, 0.0);
@@ -270,7 +278,7 @@ fn nothing_is_cleared_where_something_too_near_to_return_may_stand() {
         range_min: 1.0,
         ..LaserParams::default()
     };
-    let mut mapper = mapper_of(&MapperParams::default(), &laser, 10.0);
+    let mut mapper = mapper_of(&decimetres(), &laser, 10.0);
     let scan = LaserScan {
         angle_min: -0.5,
         angle_step: 0.01,
@@ -281,7 +289,7 @@ fn nothing_is_cleared_where_something_too_near_to_return_may_stand() {
     for _ in 0..5 {
         assert_eq!(mapper.insert(&scan, |_| (pose, 0.0)).unwrap(), []);
     }
-    let mut sharp = default_mapper(10.0);
+    let mut sharp = decimetre_mapper(10.0);
     for _ in 0..5 {
         sharp.insert(&scan, |_| (pose, 0.0)).unwrap();
     }
@@ -290,7 +298,7 @@ fn nothing_is_cleared_where_something_too_near_to_return_may_stand() {
 
 #[test]
 fn the_bike_stands_on_free_ground() {
-    let mut mapper = default_mapper(5.0);
+    let mut mapper = decimetre_mapper(5.0);
     let pose = Pose2::new(1.0, -1.0, 2.0);
     let changed = mapper.declare_free(&Footprint::bike(), &pose).len();
     // 1.2 m by 0.6 m and a disc: 1.0 m² or 100 cells, and those its edge of 4.3 m crosses in part.
@@ -319,7 +327,7 @@ fn a_bent_scan_is_straightened_by_the_poses_of_its_beams() {
         let xs = mapper.hits().iter().map(|hit| hit.point.x);
         xs.fold(0.0, |worst: f64, x| worst.max((x - 9.03).abs()))
     };
-    let mut mapper = mapper_of(&MapperParams::default(), &laser, 12.0);
+    let mut mapper = mapper_of(&decimetres(), &laser, 12.0);
     mapper.insert(&scan, motion).unwrap();
     // The same ray cast, up to rounding.
     assert!(straight(&mapper) < 1e-9, "{}", straight(&mapper));
@@ -329,7 +337,7 @@ fn a_bent_scan_is_straightened_by_the_poses_of_its_beams() {
 
 #[test]
 fn nonsense_is_refused_or_passed_over_and_changes_nothing() {
-    let mut mapper = default_mapper(5.0);
+    let mut mapper = decimetre_mapper(5.0);
     let pose = Pose2::new(0.0, 0.0, 0.0);
     let scan = LaserScan {
         angle_min: 0.0,
@@ -436,7 +444,7 @@ proptest! {
     /// may be missed between two beams at 16 m, 0.04 m. From the centre that is the depth of 0.07 − 0.1 + 0.04 m.
     #[test]
     fn what_is_called_free_is_free((obstacles, poses) in scene()) {
-        let (_, mapper) = explored(&obstacles, &poses, &MapperParams::default(), 4);
+        let (_, mapper) = explored(&obstacles, &poses, &decimetres(), 4);
         let alone = without_edge(&obstacles);
         for (x, y, cell) in cells(mapper.belief()) {
             if cell == Cell::Free {
@@ -450,7 +458,7 @@ proptest! {
     /// The same on cells of half a metre, as a map may have: all lengths but that between two beams grow with the cell.
     #[test]
     fn what_is_called_free_is_free_on_coarse_cells_too((obstacles, poses) in scene()) {
-        let params = MapperParams { cell: 0.5, ..MapperParams::default() };
+        let params = MapperParams { cell: 0.5, ..decimetres() };
         let (_, mapper) = explored(&obstacles, &poses, &params, 4);
         let alone = without_edge(&obstacles);
         for (x, y, cell) in cells(mapper.belief()) {
@@ -466,7 +474,7 @@ proptest! {
     /// Whatever the margin, the inside of cells that are occupied altogether is never free.
     #[test]
     fn the_inside_of_an_obstacle_is_never_free((obstacles, poses) in scene()) {
-        let params = MapperParams { surface_margin: 0.0, position_sigma: 0.0, heading_sigma_deg: 0.0, ..MapperParams::default() };
+        let params = MapperParams { surface_margin: 0.0, position_sigma: 0.0, heading_sigma_deg: 0.0, ..decimetres() };
         let (_, mapper) = explored(&obstacles, &poses, &params, 4);
         let alone = without_edge(&obstacles);
         for (x, y, cell) in cells(mapper.belief()) {
@@ -481,7 +489,7 @@ proptest! {
     /// What was seen of obstacles stands on obstacles.
     #[test]
     fn what_is_called_occupied_holds_a_surface((obstacles, poses) in scene()) {
-        let (world, mapper) = explored(&obstacles, &poses, &MapperParams::default(), 2);
+        let (world, mapper) = explored(&obstacles, &poses, &decimetres(), 2);
         for (x, y, cell) in cells(mapper.belief()) {
             if cell == Cell::Occupied {
                 let centre = mapper.belief().grid().cell_centre(x, y);
@@ -493,8 +501,8 @@ proptest! {
 
     #[test]
     fn one_belief_grown_scan_by_scan_is_that_of_all_scans_afresh((obstacles, poses) in scene()) {
-        let (_, once) = explored(&obstacles, &poses, &MapperParams::default(), 3);
-        let (_, again) = explored(&obstacles, &poses, &MapperParams::default(), 3);
+        let (_, once) = explored(&obstacles, &poses, &decimetres(), 3);
+        let (_, again) = explored(&obstacles, &poses, &decimetres(), 3);
         prop_assert_eq!(once.belief(), again.belief());
     }
 }

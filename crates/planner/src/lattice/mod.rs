@@ -23,14 +23,10 @@ use crate::budget::Meter;
 use crate::motion::MotionChecker;
 use crate::problem::PlanningProblem;
 
-/// Curvatures: so many to either side of straight, the tightest this part of the limit.
-const SIDES: i32 = 2;
+/// The tightest curvature of a primitive, as a part of the limit.
 const TIGHTEST: f64 = 0.95;
-/// Length of a primitive and side of a cell of position, in turning radii.
-const LENGTH: f64 = 0.5;
-const CELL: f64 = 0.2;
-/// Cells of heading.
-const HEADINGS: f64 = 48.0;
+/// Side of a cell of the coarse grid that bounds the way left, in turning radii.
+const FIELD_CELL: f64 = 0.2;
 /// What a metre costs more with full lock, and how much a change of curvature by a full lock costs, m.
 const BENT: f64 = 0.2;
 const STEERED: f64 = 0.1;
@@ -38,6 +34,36 @@ const STEERED: f64 = 0.1;
 const EAGERNESS: f64 = 1.5;
 /// From this near, in turning radii, the goal itself is tried.
 const HOMING: f64 = 4.0;
+
+/// How finely states are told apart, and how short a step is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grain {
+    /// Curvatures: so many to either side of straight.
+    pub sides: i32,
+    /// Length of a primitive, turning radii.
+    pub length: f64,
+    /// Side of a cell of position, turning radii.
+    pub cell: f64,
+    /// Cells of heading.
+    pub headings: u32,
+}
+
+impl Grain {
+    /// Quick: a primitive turns by up to half a radian.
+    pub const COARSE: Self = Self {
+        sides: 2,
+        length: 0.5,
+        cell: 0.2,
+        headings: 48,
+    };
+    /// Thorough: twice as many steps for the same way, and places the coarse one steps over.
+    pub const FINE: Self = Self {
+        sides: 2,
+        length: 0.25,
+        cell: 0.1,
+        headings: 96,
+    };
+}
 
 /// What came of a search.
 #[derive(Debug, Clone)]
@@ -52,7 +78,7 @@ pub struct LatticeSearch {
 struct Node {
     pose: Pose2,
     curvature: f64,
-    /// −SIDES … SIDES; `None` at the start, whose curvature may be any.
+    /// −sides … sides; `None` at the start, whose curvature may be any.
     bend: Option<i32>,
     cost: f64,
     parent: u32,
@@ -90,16 +116,18 @@ impl PartialOrd for Open {
 pub fn search(
     problem: &PlanningProblem<'_>,
     checker: &MotionChecker<'_>,
+    grain: Grain,
     meter: &mut Meter<'_>,
 ) -> LatticeSearch {
     let mut expansions = 0;
-    let path = find(problem, checker, meter, &mut expansions);
+    let path = find(problem, checker, grain, meter, &mut expansions);
     LatticeSearch { path, expansions }
 }
 
 fn find(
     problem: &PlanningProblem<'_>,
     checker: &MotionChecker<'_>,
+    grain: Grain,
     meter: &mut Meter<'_>,
     expansions: &mut u64,
 ) -> Option<CurvePath> {
@@ -109,10 +137,11 @@ fn find(
         position: problem.start.position,
         heading: problem.start.heading?,
     };
-    let field = DistanceField::new(checker, problem.goal.position, CELL * radius, meter)?;
+    let field = DistanceField::new(checker, problem.goal.position, FIELD_CELL * radius, meter)?;
     let bound = |pose: &Pose2| field.distance(pose.position);
-    let length = LENGTH * radius;
-    let pieces = Pieces::new(length, limit);
+    let length = grain.length * radius;
+    let pieces = Pieces::new(grain.sides, length, limit);
+    let cell = |pose: &Pose2, curvature: f64| grain.cell_of(pose, curvature, limit);
 
     let mut nodes = vec![Node {
         pose: start,
@@ -136,7 +165,7 @@ fn find(
             let node = &nodes[index as usize];
             (node.pose, node.curvature, node.bend, node.cost)
         };
-        let key = cell(&pose, curvature, limit, CELL * radius);
+        let key = cell(&pose, curvature);
         if index > 0 && best.get(&key).is_some_and(|known| *known < cost) {
             continue;
         }
@@ -155,7 +184,7 @@ fn find(
             let bent = piece.curvature.abs().max(curvature.abs()) / limit;
             let steered = (piece.curvature - curvature).abs() / limit;
             let cost = cost + length * (1.0 + BENT * bent) + STEERED * steered;
-            let key = cell(&end, piece.curvature, limit, CELL * radius);
+            let key = cell(&end, piece.curvature);
             if best.get(&key).is_some_and(|known| *known <= cost) || !checker.is_curve_free(&curve)
             {
                 return;
@@ -182,18 +211,20 @@ fn find(
 struct Pieces {
     /// From each bend to those at most a full lock away, the lowest first.
     between: Vec<Vec<(i32, Primitive)>>,
+    sides: i32,
     length: f64,
     limit: f64,
 }
 
 impl Pieces {
-    fn new(length: f64, limit: f64) -> Self {
-        let between = (-SIDES..=SIDES)
+    fn new(sides: i32, length: f64, limit: f64) -> Self {
+        let bend = |to: i32| bend(to, sides, limit);
+        let between = (-sides..=sides)
             .map(|from| {
-                (-SIDES..=SIDES)
-                    .filter(|to| (to - from).abs() <= SIDES)
+                (-sides..=sides)
+                    .filter(|to| (to - from).abs() <= sides)
                     .filter_map(|to| {
-                        let (a, b) = (bend(from, limit), bend(to, limit));
+                        let (a, b) = (bend(from), bend(to));
                         Some((to, Primitive::new(a, b, length, limit)?))
                     })
                     .collect()
@@ -201,6 +232,7 @@ impl Pieces {
             .collect();
         Self {
             between,
+            sides,
             length,
             limit,
         }
@@ -210,14 +242,15 @@ impl Pieces {
     fn from(&self, from: Option<i32>, curvature: f64, mut visit: impl FnMut(i32, &Primitive)) {
         match from {
             Some(from) => {
-                for (to, piece) in &self.between[(from + SIDES) as usize] {
+                for (to, piece) in &self.between[(from + self.sides) as usize] {
                     visit(*to, piece);
                 }
             }
             None => {
-                for to in -SIDES..=SIDES {
-                    let target = bend(to, self.limit);
-                    let is_near = (target - curvature).abs() <= 1.01 * bend(SIDES, self.limit);
+                for to in -self.sides..=self.sides {
+                    let target = bend(to, self.sides, self.limit);
+                    let full_lock = bend(self.sides, self.sides, self.limit);
+                    let is_near = (target - curvature).abs() <= 1.01 * full_lock;
                     let piece = is_near
                         .then(|| Primitive::new(curvature, target, self.length, self.limit))
                         .flatten();
@@ -230,18 +263,22 @@ impl Pieces {
     }
 }
 
-/// κ of a bend, 1/m.
-fn bend(bend: i32, limit: f64) -> f64 {
-    TIGHTEST * limit * f64::from(bend) / f64::from(SIDES)
+/// κ of one of `sides` bends to either side, 1/m.
+fn bend(bend: i32, sides: i32, limit: f64) -> f64 {
+    TIGHTEST * limit * f64::from(bend) / f64::from(sides)
 }
 
-fn cell(pose: &Pose2, curvature: f64, limit: f64, side: f64) -> [i32; 4] {
-    [
-        (pose.position.x / side).floor() as i32,
-        (pose.position.y / side).floor() as i32,
-        (pose.heading.rem_euclid(TAU) / TAU * HEADINGS).round() as i32 % HEADINGS as i32,
-        (curvature / limit * f64::from(SIDES)).round() as i32,
-    ]
+impl Grain {
+    fn cell_of(&self, pose: &Pose2, curvature: f64, limit: f64) -> [i32; 4] {
+        let side = self.cell / limit;
+        let headings = f64::from(self.headings);
+        [
+            (pose.position.x / side).floor() as i32,
+            (pose.position.y / side).floor() as i32,
+            (pose.heading.rem_euclid(TAU) / TAU * headings).round() as i32 % self.headings as i32,
+            (curvature / limit * f64::from(self.sides)).round() as i32,
+        ]
+    }
 }
 
 /// A last curve that ends at the goal.
@@ -306,7 +343,7 @@ mod tests {
         };
         let checker = MotionChecker::new(&world, &problem.footprint, 0.02, 0.01);
         let mut meter = Meter::new(&Budget::of_iterations(50_000));
-        let search = search(&problem, &checker, &mut meter);
+        let search = search(&problem, &checker, Grain::COARSE, &mut meter);
         if let Some(path) = &search.path {
             assert!(
                 path.max_curvature() <= 0.8 * (1.0 + 1e-9),

@@ -4,8 +4,8 @@
 //! questions that are asked after every scan, without any clearance field: how far is all of it known to be free, and where does
 //! the first thing stand that is known to be in the way?
 //!
-//! Places are taken every [`STEP`]; between two of them no point of the outline moves farther than half a step times
-//! √((1 + κ·aside)² + (κ·ahead)²), and by so much the outline is grown on top. So a cell may be listed a centimetre or two too early, never
+//! Places are taken every so often, [`STEP`] or [`SHORT_STEP`]; between two of them no point of the outline moves farther than half a step times
+//! √((1 + κ·aside)² + (κ·ahead)²), and by so much the outline is grown on top. So a cell may be listed a centimetre too early, never
 //! too late, and none is left out.
 
 use bikebot_geometry::{CurvePath, FergusonCurve};
@@ -14,7 +14,9 @@ use bikebot_world::{Footprint, OccupancyGrid};
 use super::hull::{Posed, Rim, RoundedBox};
 
 /// Spacing of the places at which the outline is put down, m.
-const STEP: f64 = 0.02;
+pub(crate) const STEP: f64 = 0.01;
+/// The same for a path through the narrowest of gaps, m: half the growth for twice the work.
+pub(crate) const SHORT_STEP: f64 = 0.005;
 /// What rounding may take off an outline, in cells.
 const ROUNDING: f64 = 1e-9;
 /// In place of a cell: beyond the edge of the grid.
@@ -72,13 +74,14 @@ pub(crate) struct Sweep {
 }
 
 impl Sweep {
-    /// Of the ride along `path` from arc length `from` (m) on.
+    /// Of the ride along `path` from arc length `from` (m) on, with a place every `step` (m).
     pub fn new(
         path: &CurvePath,
         from: f64,
         outline: &Footprint,
         allowance: f64,
         frame: &OccupancyGrid,
+        step: f64,
     ) -> Self {
         let mut covered: Vec<Covered> = Vec::new();
         let (width, height) = (frame.width, frame.height);
@@ -93,10 +96,10 @@ impl Sweep {
         let mut now = before.clone();
         let mut was_outside = false;
         let (mut tail, mut head) = (path.locate(from).0, 0);
-        let steps = ((path.length() - from) / STEP).ceil().max(1.0) as usize;
+        let steps = ((path.length() - from) / step).ceil().max(1.0) as usize;
         for k in 0..=steps {
-            let s = (from + k as f64 * STEP).min(path.length());
-            let (begin, end) = ((s - 0.5 * STEP).max(from), s + 0.5 * STEP);
+            let s = (from + k as f64 * step).min(path.length());
+            let (begin, end) = ((s - 0.5 * step).max(from), s + 0.5 * step);
             let place = path.at(s);
             while tail + 1 < curvatures.len() && path.segment_start(tail + 1) <= begin {
                 tail += 1;
@@ -111,7 +114,7 @@ impl Sweep {
             let mut is_outside = false;
             for (index, part) in body.iter().enumerate() {
                 let part = RoundedBox {
-                    radius: part.radius + 0.5 * STEP * part.speed_bound(curvature),
+                    radius: part.radius + 0.5 * step * part.speed_bound(curvature),
                     ..*part
                 };
                 let posed = Posed::new(part.scaled(frame.resolution.recip()), origin, turned);
@@ -228,7 +231,7 @@ mod tests {
     fn no_cell_is_listed_too_late_and_none_is_left_out() {
         let (path, frame) = (path(), frame());
         let outline = Footprint::bike().grown(0.05);
-        let sweep = Sweep::new(&path, 1.0, &Footprint::bike(), 0.05, &frame);
+        let sweep = Sweep::new(&path, 1.0, &Footprint::bike(), 0.05, &frame, STEP);
         let mut checked = 0;
         for y in (0..frame.height).step_by(3) {
             for x in (0..frame.width).step_by(3) {
@@ -259,7 +262,7 @@ mod tests {
         )])
         .unwrap();
         let frame = frame();
-        let sweep = Sweep::new(&line, 0.0, &Footprint::bike(), 0.05, &frame);
+        let sweep = Sweep::new(&line, 0.0, &Footprint::bike(), 0.05, &frame, STEP);
         let (x, y) = frame.world_to_cell(Point2::new(7.05, 0.05)).unwrap();
         let entry = sweep
             .ahead(0.0)
@@ -289,7 +292,7 @@ mod tests {
             .collect();
         let circle = CurvePath::new(circle).unwrap();
         let frame = frame();
-        let sweep = Sweep::new(&circle, 0.0, &Footprint::bike(), 0.05, &frame);
+        let sweep = Sweep::new(&circle, 0.0, &Footprint::bike(), 0.05, &frame, STEP);
         let start = frame.world_to_cell(Point2::new(5.0, -2.0)).unwrap();
         let cell = (start.1 * frame.width + start.0) as u32;
         let again = sweep
@@ -308,7 +311,7 @@ mod tests {
             Point2::new(20.0, 0.0),
         )])
         .unwrap();
-        let sweep = Sweep::new(&line, 0.0, &Footprint::bike(), 0.0, &frame());
+        let sweep = Sweep::new(&line, 0.0, &Footprint::bike(), 0.0, &frame(), STEP);
         let edge = sweep
             .ahead(0.0)
             .iter()

@@ -1,14 +1,15 @@
 //! Before the ride: the ground that the scenario vouches for, and the first plan.
 
 use bikebot_geometry::{CurvePath, FergusonCurve, Vector2};
+use bikebot_planner::lattice::Grain;
 use bikebot_planner::{Budget, Outcome, PlanError, PlanReport, PlannedPath, plan};
 use bikebot_world::Cell;
 
-use super::search::PATIENCE;
+use super::search::{Fit, PATIENCE};
 use super::{Navigator, Route, Task};
 use crate::online::belief::Belief;
 use crate::online::status::{Cause, Halt};
-use crate::online::sweep::Sweep;
+use crate::online::sweep::{STEP, Sweep};
 
 impl Navigator {
     /// The first plan, with the bike at rest at the start: the report, where there was something to search for, and why there is no
@@ -21,7 +22,8 @@ impl Navigator {
         self.belief.world();
         let budget = Budget::of_iterations(self.online.iterations.saturating_mul(PATIENCE));
         let (mut last, mut halt) = (None, None);
-        for (index, (outline, margin)) in self.rooms.clone().into_iter().enumerate() {
+        for (fit, (outline, margin)) in [Fit::Roomy, Fit::Tight].into_iter().zip(self.rooms.clone())
+        {
             let problem = self.problem(outline);
             let report = match plan(&problem, &self.with_margin(margin), self.seed, &budget) {
                 Ok(report) => report,
@@ -40,11 +42,11 @@ impl Navigator {
             {
                 self.route = Some(Route {
                     curves: curves.clone(),
-                    sweep: self.sweep(curves, 0.0),
+                    sweep: self.sweep(curves, 0.0, fit),
                     joint: 0.0,
                     cause: Cause::First,
                     iterations: report.iterations,
-                    is_tight: index > 0,
+                    is_tight: fit != Fit::Roomy,
                     careful_until: f64::INFINITY,
                     ready: 0.0,
                 });
@@ -54,12 +56,11 @@ impl Navigator {
             last = last.or(Some(report));
         }
         if !matches!(halt, Some(Halt::GoalBlocked | Halt::Disconnected))
-            && let (outline, margin) = &self.rooms[1]
             && let Some((curves, states)) =
-                self.search_states(self.start, outline, *margin, PATIENCE)
+                self.search_states(self.start, &self.narrow, Grain::COARSE, PATIENCE)
         {
             self.route = Some(Route {
-                sweep: self.sweep(&curves, 0.0),
+                sweep: self.sweep(&curves, 0.0, Fit::Narrow),
                 curves,
                 joint: 0.0,
                 cause: Cause::First,
@@ -93,6 +94,7 @@ pub(super) fn vouch_for_the_start(belief: &mut Belief, task: &Task<'_>) {
         &task.bike,
         task.online.start_zone,
         belief.cells(),
+        STEP,
     );
     let width = belief.cells().width;
     let cells: Vec<_> = sweep

@@ -39,8 +39,10 @@ const IN_VAIN: u32 = 3;
 /// A search that has failed while standing is repeated so many periods later, then more: only a change in the map, or another seed, can help. (That
 /// what blocks the path goes away is seen without a search.)
 const STANDING_PERIODS: [f64; 3] = [5.0, 10.0, 20.0];
-/// Beyond what the bike's outline is grown by in the proof of free space, the tighter of the two plans keeps this, m: the steps of the proof.
-const PROOF_STEPS: f64 = 0.02;
+/// Beyond what the bike's outline is grown by in the proof of free space, the tighter of the two plans keeps this, m: the steps of the proof;
+/// and the search through the narrowest of gaps this, for shorter ones.
+const PROOF_STEPS: f64 = 0.01;
+const SHORT_PROOF_STEPS: f64 = 0.005;
 /// What was only sketched is made anew when it is as near as this part of the horizon.
 const CARE: f64 = 0.6;
 /// A path with less than this to go is not improved, m.
@@ -95,6 +97,8 @@ pub struct Navigator {
     bike: Footprint,
     /// Outlines and margins to plan with, the roomier first.
     rooms: [(Footprint, f64); 2],
+    /// The outline to get through the narrowest of gaps with.
+    narrow: Footprint,
     seed: u64,
     plans: u64,
     /// The search made at this tick.
@@ -155,9 +159,8 @@ impl Navigator {
     pub fn new(task: &Task<'_>) -> Result<Self, WorldError> {
         let mut belief = Belief::new(task.belief, task.bounds, task.known)?;
         begin::vouch_for_the_start(&mut belief, task);
-        let tight = task
-            .bike
-            .grown(task.online.tracking_allowance + PROOF_STEPS);
+        let allowance = task.online.tracking_allowance;
+        let tight = task.bike.grown(allowance + PROOF_STEPS);
         let roomy = if task.outline.reach() > tight.reach() {
             task.outline.clone()
         } else {
@@ -175,6 +178,7 @@ impl Navigator {
             start: task.start,
             bike: task.bike.clone(),
             rooms: [(roomy, margin + task.online.plan_margin), (tight, 0.0)],
+            narrow: task.bike.grown(allowance + SHORT_PROOF_STEPS),
             seed: task.seed,
             plans: 0,
             searched: None,

@@ -1,19 +1,22 @@
 //! What a search for a path is: repair or afresh with room to spare, with none, then over poses and steering angles.
 
 use bikebot_geometry::{CurvePath, FergusonCurve};
+use bikebot_planner::lattice::{self, Grain};
 use bikebot_planner::replan::remainder;
 use bikebot_planner::{
     Blockage, Budget, Decision, EndPose, Meter, MotionChecker, PlannerParams, PlanningProblem,
-    Previous, ReplanParams, lattice, replan,
+    Previous, ReplanParams, replan,
 };
 use bikebot_world::Footprint;
 
 use super::{Motion, Navigator, Route, View, look};
 use crate::online::status::{Cause, Halt, Searched};
-use crate::online::sweep::{Covered, Sweep};
+use crate::online::sweep::{Covered, SHORT_STEP, STEP, Sweep};
 
 /// At rest a search may take so many times the iterations: nothing is in a hurry then.
-pub(super) const PATIENCE: u64 = 2;
+pub(super) const PATIENCE: u64 = 4;
+/// Whatever the latency says, a new path begins so far ahead, m: the bike may ride a little faster than it thinks.
+const HEADWAY: f64 = 0.05;
 /// A last piece shorter than this is left out, m.
 const NO_PIECE: f64 = 1e-9;
 
@@ -31,11 +34,24 @@ pub(super) enum Aim {
     Renewal,
 }
 
+/// How much room a path leaves to both sides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Fit {
+    /// What it should.
+    Roomy,
+    /// What the bike and the proof of free space need.
+    Tight,
+    /// The same with a proof in shorter steps.
+    Narrow,
+}
+
 /// What is looked for.
 struct Query<'q> {
     previous: Previous<'q>,
     aim: Aim,
     stands: bool,
+    /// The first place where a new path can begin, m: where the bike is when it is done.
+    near: f64,
     /// Times the iterations that a search may take while riding.
     patience: u64,
     /// When the answer may be taken over, s.
@@ -64,7 +80,8 @@ impl Navigator {
             return Err(Halt::NoPath);
         };
         let old = &route.curves;
-        let reach = self.s + motion.speed.max(0.0) * self.online.latency + self.online.lead;
+        let near = self.s + motion.speed.max(0.0) * self.online.latency + HEADWAY;
+        let reach = near + self.online.lead;
         let before = |place: Option<Covered>| {
             place.map_or(f64::INFINITY, |place| place.first - self.online.stop_margin)
         };
@@ -79,6 +96,7 @@ impl Navigator {
             },
             aim,
             stands,
+            near,
             patience: if stands { PATIENCE } else { 1 },
             ready: motion.time + self.online.latency,
         };
@@ -117,12 +135,7 @@ impl Navigator {
 
     /// By [`replan`]: round what blocks the path, or from nothing; with room to spare, or with none.
     fn along_guides(&self, query: &Query<'_>, thorough: bool) -> Result<Route, InVain> {
-        let Query {
-            previous,
-            aim,
-            stands,
-            ..
-        } = *query;
+        let Query { previous, aim, .. } = *query;
         let is_improvement = aim != Aim::AnyWay;
         let seed = self
             .seed
@@ -141,7 +154,7 @@ impl Navigator {
             is_settled: true,
         };
         let mut halt = Halt::BlockedAhead;
-        for (index, (outline, margin)) in self.rooms.iter().enumerate() {
+        for (fit, (outline, margin)) in [Fit::Roomy, Fit::Tight].into_iter().zip(&self.rooms) {
             let problem = self.problem(outline.clone());
             let mut params = self.with_margin(*margin);
             if !thorough {
@@ -173,7 +186,8 @@ impl Navigator {
             if aim == Aim::Better && new.length() > (1.0 - self.online.gain) * left {
                 return Err(settled(halt));
             }
-            if let Some(route) = self.route_by(query, &new, cause, found.iterations, index > 0) {
+            if let Some(route) = self.route_by(query, previous, &new, cause, found.iterations, fit)
+            {
                 let careful = found.careful_until.map(|careful| previous.at + careful);
                 return Ok(Route {
                     careful_until: careful.unwrap_or(f64::INFINITY),
@@ -182,54 +196,58 @@ impl Navigator {
             }
         }
         // A proof for the tighter outline is one for all.
-        let is_proved = match halt {
-            Halt::GoalBlocked | Halt::Disconnected => true,
-            Halt::CurvatureInfeasible => !stands,
-            _ => false,
-        };
+        let is_proved = matches!(halt, Halt::GoalBlocked | Halt::Disconnected);
         Err(InVain {
             halt,
             is_settled: is_proved || is_improvement,
         })
     }
 
-    /// By search over poses and steering angles.
+    /// By search over poses and steering angles, through the narrowest of gaps: quickly; then, riding, from a place just ahead of the bike, where
+    /// there are turns that there are not farther on; then in smaller steps; then, at rest, with nothing more than the bike itself in the way.
     fn over_poses(&self, query: &Query<'_>) -> Option<Route> {
-        let (outline, margin) = &self.rooms[1];
-        let start = query.previous.start();
-        let found = self.search_states(start, outline, *margin, query.patience);
-        // At rest nothing less than the bike itself is in the way.
-        let found = found.or_else(|| {
-            query
-                .stands
-                .then(|| self.search_states(start, &self.bike, 0.0, query.patience))
-                .flatten()
-        });
-        let (new, states) = found?;
-        self.route_by(query, &new, Cause::Afresh, states, true)
+        let nearer = Previous {
+            at: query.near.min(query.previous.at),
+            ..query.previous
+        };
+        let narrow = &self.narrow;
+        let mut tries = vec![(query.previous, Grain::COARSE, narrow)];
+        if nearer.at < query.previous.at - NO_PIECE {
+            tries.push((nearer, Grain::COARSE, narrow));
+        }
+        tries.push((query.previous, Grain::FINE, narrow));
+        if query.stands {
+            tries.push((query.previous, Grain::COARSE, &self.bike));
+        }
+        tries.into_iter().find_map(|(previous, grain, outline)| {
+            let (new, states) =
+                self.search_states(previous.start(), outline, grain, query.patience)?;
+            self.route_by(query, previous, &new, Cause::Afresh, states, Fit::Narrow)
+        })
     }
 
-    /// The old path as far as the query says, then `new`; `None` if something is on it.
+    /// The old path as far as `previous` says, then `new`; `None` if something is on it.
     fn route_by(
         &self,
         query: &Query<'_>,
+        previous: Previous<'_>,
         new: &CurvePath,
         cause: Cause,
         iterations: u64,
-        is_tight: bool,
+        fit: Fit,
     ) -> Option<Route> {
-        let curves = joined(query.previous.curves, query.previous.at, new)?;
-        let sweep = self.sweep(&curves, self.s);
+        let curves = joined(previous.curves, previous.at, new)?;
+        let sweep = self.sweep(&curves, self.s, fit);
         look(&sweep, self.s, &self.belief)
             .solid
             .is_none()
             .then_some(Route {
                 curves,
                 sweep,
-                joint: query.previous.at,
+                joint: previous.at,
                 cause,
                 iterations,
-                is_tight,
+                is_tight: fit != Fit::Roomy,
                 careful_until: f64::INFINITY,
                 ready: query.ready,
             })
@@ -240,7 +258,7 @@ impl Navigator {
         &self,
         start: EndPose,
         outline: &Footprint,
-        margin: f64,
+        grain: Grain,
         patience: u64,
     ) -> Option<(CurvePath, u64)> {
         let problem = PlanningProblem {
@@ -248,9 +266,9 @@ impl Navigator {
             ..self.problem(outline.clone())
         };
         let resolution = self.planner.clearance_resolution();
-        let checker = MotionChecker::new(problem.world, outline, margin, resolution);
+        let checker = MotionChecker::new(problem.world, outline, 0.0, resolution);
         let budget = Budget::of_iterations(self.online.states.saturating_mul(patience));
-        let found = lattice::search(&problem, &checker, &mut Meter::new(&budget));
+        let found = lattice::search(&problem, &checker, grain, &mut Meter::new(&budget));
         Some((found.path?, found.expansions))
     }
 
@@ -271,9 +289,20 @@ impl Navigator {
         }
     }
 
-    pub(super) fn sweep(&self, curves: &CurvePath, from: f64) -> Sweep {
+    pub(super) fn sweep(&self, curves: &CurvePath, from: f64, fit: Fit) -> Sweep {
         let allowance = self.online.tracking_allowance;
-        Sweep::new(curves, from, &self.bike, allowance, self.belief.cells())
+        let step = match fit {
+            Fit::Roomy | Fit::Tight => STEP,
+            Fit::Narrow => SHORT_STEP,
+        };
+        Sweep::new(
+            curves,
+            from,
+            &self.bike,
+            allowance,
+            self.belief.cells(),
+            step,
+        )
     }
 }
 

@@ -199,7 +199,12 @@ fn with_full_knowledge(setup: &Setup, start: EndPose) -> Option<f64> {
     let resolution = setup.planner.clearance_resolution();
     let checker = MotionChecker::new(&world, &problem.footprint, 0.0, resolution);
     let budget = Budget::of_iterations(STATES);
-    let found = lattice::search(&problem, &checker, &mut Meter::new(&budget));
+    let found = lattice::search(
+        &problem,
+        &checker,
+        lattice::Grain::COARSE,
+        &mut Meter::new(&budget),
+    );
     Some(found.path?.length())
 }
 
