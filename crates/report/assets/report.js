@@ -208,6 +208,7 @@
     drawMap();
     drawBehind();
     moveMarkers();
+    drawNear();
     byId("clock").innerHTML = `<b>${now.toFixed(2)}</b><span> / ${end.toFixed(1)}</span> s`;
     if (!playing || stamp - slowAt > 90) { slowAt = stamp; slow(false); }
   }
@@ -244,6 +245,11 @@
     ["wanted", "where it should be", "dot:blue", false, () => has((r) => r.col.desired_x_m)],
   ];
   const on = {};
+  function thinned({ every, every_beam: beam }) {
+    const nth = (n) => `every ${n}${n % 10 === 2 && n % 100 !== 12 ? "nd" : n % 10 === 3 && n % 100 !== 13 ? "rd" : "th"}`;
+    const parts = [every > 1 ? `${nth(every)} sweep` : "", beam > 1 ? `${nth(beam)} beam` : ""].filter(Boolean);
+    return parts.length ? ` (${parts.join(", ")})` : "";
+  }
   function buildLayers() {
     const box = byId("layers");
     for (const [name, label, look, first, present] of LAYERS) {
@@ -256,7 +262,8 @@
         : kind === "dot" ? `<circle cx="10" cy="7" r="4" fill="none" stroke="${paint}" stroke-width="2"/>`
           : `<path d="M1 7h18" stroke="${paint}" stroke-width="${{ wide: 4, thin: 1.2 }[kind] ?? 2.4}" ${kind === "dash" ? 'stroke-dasharray="4 3"' : ""}/>`;
       row.innerHTML = `<input type="checkbox" ${on[name] ? "checked" : ""}><svg width="20" height="14" aria-hidden="true">${swatch}</svg><span></span>`;
-      row.lastChild.textContent = several && name === "ridden" ? "ridden, in each ride's colour" : label;
+      row.lastChild.textContent = several && name === "ridden" ? "ridden, in each ride's colour"
+        : name === "scan" ? `${label}${thinned(rides.find((r) => r.scans).scans)}` : label;
       row.firstChild.dataset.layer = name;
       row.firstChild.addEventListener("change", (event) => { on[name] = event.target.checked; ground.key = ""; touch(); });
       box.append(row);
@@ -334,12 +341,13 @@
     ratio * view.scale, 0, 0, -ratio * view.scale,
     ratio * (width / 2 - centre.x * view.scale), ratio * (height / 2 + centre.y * view.scale));
 
-  // What stands still is drawn once, with room about it, and again when the view leaves that room.
+  // What stands still is drawn once, with room about it, and again when the view leaves that room or the belief changes.
   const ground = { canvas: document.createElement("canvas"), key: "", x: 0, y: 0, width: 0, height: 0 };
-  function drawGround(planIndex) {
+  function drawGround(planIndex, sheet) {
     const margin = view.follows || view.held ? 0.35 : 0;
     const width = Math.round(view.width * (1 + 2 * margin)), height = Math.round(view.height * (1 + 2 * margin));
-    const key = [view.scale, width, height, view.ratio, planIndex, focus.index].join();
+    const seen = sheet ? [focus.beliefs.indexOf(sheet), sheet.shown] : [];
+    const key = [view.scale, width, height, view.ratio, planIndex, focus.index, ...seen].join();
     const dx = Math.abs(view.x - ground.x) * view.scale, dy = Math.abs(view.y - ground.y) * view.scale;
     const inside = dx <= (ground.width - view.width) / 2 + 0.01 && dy <= (ground.height - view.height) / 2 + 0.01;
     if (key === ground.key && inside) return;
@@ -366,9 +374,30 @@
       const [x0, y0, x1, y1] = focus.extent;
       c.strokeRect(x0, y0, x1 - x0, y1 - y0);
     }
+    if (shaded) drawBelief(c, sheet, px);
     const plan = focus.plans[planIndex];
-    if (plan && !shaded) drawPlan(c, plan, px);
+    if (plan) drawPlan(c, plan, px);
     drawStart(c, px);
+  }
+  // What is believed, and faintly over it what is true.
+  function drawBelief(c, sheet, px) {
+    if (sheet) {
+      c.save();
+      c.translate(sheet.origin[0], sheet.origin[1]);
+      c.rotate(sheet.origin[2]);
+      c.imageSmoothingEnabled = false;
+      c.drawImage(sheet.canvas, 0, 0, sheet.width * sheet.resolution, sheet.height * sheet.resolution);
+      c.restore();
+    }
+    if (on.obstacles && focus.hasMap) {
+      c.globalAlpha = 0.16;
+      c.fillStyle = ink.ink;
+      c.fill(focus.shapes.solids);
+      c.fill(focus.shapes.occupied, "evenodd");
+      c.globalAlpha = 1;
+      stroke(c, focus.shapes.solids, ink.ink, px);
+      stroke(c, focus.shapes.occupied, ink.ink, px);
+    }
   }
   // Where it set off: a full dot, as the goal is a ring.
   function drawStart(c, px) {
@@ -497,7 +526,7 @@
     if (view.follows && pose) { view.x = pose.x; view.y = pose.y; }
     const planIndex = countUntil(focus.plans.map((plan) => plan.time), now) - 1;
     const shown = Math.max(planIndex, focus.plans.length ? 0 : -1);
-    drawGround(shown);
+    drawGround(shown, on.belief && focus.beliefs.length ? beliefAt(focus, now) : null);
     const c = over, ratio = view.ratio, px = 1 / view.scale;
     c.setTransform(1, 0, 0, 1, 0, 0);
     c.drawImage(ground.canvas,
@@ -505,28 +534,6 @@
       ratio * ((view.height - ground.height) / 2 + (view.y - ground.y) * view.scale));
     place(c, view, view.width, view.height, ratio);
     c.lineJoin = c.lineCap = "round";
-    const sheet = on.belief && focus.beliefs.length ? beliefAt(focus, now) : null;
-    if (on.belief && focus.beliefs.length) {
-      if (sheet) {
-        c.save();
-        c.translate(sheet.origin[0], sheet.origin[1]);
-        c.rotate(sheet.origin[2]);
-        c.imageSmoothingEnabled = false;
-        c.drawImage(sheet.canvas, 0, 0, sheet.width * sheet.resolution, sheet.height * sheet.resolution);
-        c.restore();
-      }
-      if (on.obstacles && focus.hasMap) {
-        c.globalAlpha = 0.16;
-        c.fillStyle = ink.ink;
-        c.fill(focus.shapes.solids);
-        c.fill(focus.shapes.occupied, "evenodd");
-        c.globalAlpha = 1;
-        stroke(c, focus.shapes.solids, ink.ink, px);
-        stroke(c, focus.shapes.occupied, ink.ink, px);
-      }
-      if (shown >= 0) drawPlan(c, focus.plans[shown], px);
-      drawStart(c, px);
-    }
     if (on.scan && focus.scans) drawScan(c, px);
     if (on.followed) {
       const index = Math.max(countUntil(focus.followed.map((it) => it.time), now) - 1, 0);
@@ -857,7 +864,7 @@
   const READINGS = [
     ["speed", "speed_mps", 1, 2, "m/s"], ["roll", "roll_rad", DEGREES, 2, "°"], ["steering", "steer_rad", DEGREES, 1, "°"],
     ["balancer", "balancer_rad", DEGREES, 0, "°"], ["torque", "balancer_torque_nm", 1, 1, "N m"],
-    ["off the curve", "lateral_error_m", 1000, 1, "mm"], ["clearance", "clearance_m", 1, 2, "m"], ["phase", "phase", 1, 0, ""],
+    ["off the curve", "lateral_error_m", 1000, 1, "mm"], ["phase", "phase", 1, 0, ""],
     ["grip in use", "friction_use_front", 100, 0, "%"], ["ridden", "distance_m", 1, 2, "m"],
   ];
   const PHASES = ["setting off", "riding", "braking", "holding"];
@@ -884,6 +891,32 @@
       }
       if (out.textContent !== text) out.textContent = text;
     }
+  }
+
+  // How far it is to the nearest obstacle, as a bar of a metre, with a mark at the least so far.
+  const near = byId("near");
+  function leastSoFar(ride) {
+    const values = ride.col.clearance_m, out = new Float64Array(values.length);
+    for (let i = 0, least = Infinity; i < values.length; i++) {
+      if (values[i] < least) least = values[i];
+      out[i] = least;
+    }
+    return out;
+  }
+  function drawNear() {
+    const values = focus.col.clearance_m, row = values ? rowAt(focus, now) : -1;
+    near.hidden = !values;
+    if (!values) return;
+    focus.least ??= leastSoFar(focus);
+    const value = row < 0 ? NaN : values[row], least = row < 0 ? NaN : focus.least[row];
+    const share = (it) => `${(100 * Math.min(Math.max(it || 0, 0), 1)).toFixed(1)}%`;
+    near.className = value <= 0 ? "bad" : value < 0.25 ? "care" : "";
+    near.querySelector("i").style.width = share(value);
+    const mark = near.querySelector("b");
+    mark.hidden = !Number.isFinite(least);
+    mark.style.left = share(least);
+    near.querySelector("output").textContent = Number.isFinite(value) ? `${signed(value, 2)} m` : "–";
+    near.querySelector("small").textContent = value <= 0 ? "touches" : Number.isFinite(least) ? `bar: 1 m; the least so far ${signed(least, 2)} m` : "";
   }
 
   // ---------------------------------------------------------------- histories

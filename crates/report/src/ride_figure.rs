@@ -267,8 +267,8 @@ impl<'a> RideFigure<'a> {
             legend.row(Swatch::Line(PLANNED), "planned path");
         }
         let ridden = line(&mut ride.states.iter().map(|state| [state[1], state[2]]));
-        items.push(Item::Shape(ridden, RIDDEN));
-        legend.row(Swatch::Line(RIDDEN), "ridden");
+        items.push(Item::Shape(ridden, TRACK));
+        legend.row(Swatch::Line(TRACK), "ridden");
         legend.row(Swatch::Line(REFERENCE), "meant to be");
         let first = ride.states[0];
         items.extend(scenery::pose_mark(
@@ -325,6 +325,8 @@ impl<'a> RideFigure<'a> {
 const EDGE: Colour = Colour("#b07800");
 /// Broad and pale: the ridden line lies on it, and both are seen.
 const PLANNED: Style = Style::line(palette::SKY, 6.0);
+/// What was ridden, on the map.
+const TRACK: Style = Style::line(palette::VERMILION, 2.2);
 const RIDDEN: Style = Style::line(palette::VERMILION, 1.6);
 const REFERENCE: Style = Style::line(palette::BLUE, 1.3).dashed(&[5.0, 4.0]);
 

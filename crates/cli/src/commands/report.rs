@@ -207,7 +207,12 @@ fn read(path: &Path, terminal: &Terminal) -> Result<Read, Failure> {
             .push("The recording has no result: the run in it did not come to its end.".to_owned()),
         (None, true, true) => {}
     }
-    let (scenario_text, setup) = scenario(path, &info, terminal, &mut missing)?;
+    let unseen = if trace.map.is_some() {
+        "limits are not shown, and obstacles as the cells of the recorded map"
+    } else {
+        "obstacles and limits are not shown"
+    };
+    let (scenario_text, setup) = scenario(path, &info, unseen, terminal, &mut missing)?;
     if trace.state.is_empty() {
         missing.push("It has no states: nothing was ridden, or it was not recorded.".to_owned());
     } else if setup.as_ref().is_none_or(|setup| setup.goal.is_some()) && trace.plans.is_empty() {
@@ -237,10 +242,11 @@ fn read(path: &Path, terminal: &Terminal) -> Result<Read, Failure> {
     Ok(read)
 }
 
-/// The scenario a recording carries, and what it means.
+/// The scenario a recording carries, and what it means; without it, `unseen` says what the page lacks.
 fn scenario(
     path: &Path,
     info: &LogInfo,
+    unseen: &str,
     terminal: &Terminal,
     missing: &mut Vec<String>,
 ) -> Result<(Option<String>, Option<Setup>), Failure> {
@@ -251,9 +257,9 @@ fn scenario(
             missing.push(match schema.and_then(|it| it.parse::<u32>().ok()) {
                 Some(found) if found > SCHEMA_VERSION => format!(
                     "It was recorded by a newer bikebot (messages of version {found}, this one knows {SCHEMA_VERSION}): \
-                     quantities may be missing, and obstacles and limits are not shown."
+                     quantities may be missing; {unseen}."
                 ),
-                _ => format!("Obstacles and limits are not shown: {error}."),
+                _ => format!("Without its scenario {unseen}: {error}."),
             });
             let text = match log::read_attachment(&mut recording::open(path)?, "scenario.toml") {
                 Ok(bytes) => String::from_utf8(bytes).ok(),
@@ -273,7 +279,7 @@ fn scenario(
                 .diagnostic()
                 .map_or_else(String::new, |it| format!(": {}", it.message()));
             missing.push(format!(
-                "Its scenario is not understood by this version, so obstacles and limits are not shown{why}."
+                "Its scenario is not understood by this version: {unseen}{why}."
             ));
             Ok((Some(text), None))
         }

@@ -147,6 +147,39 @@ fn a_recording_of_a_newer_version_is_shown_without_what_is_not_understood() {
     );
     let page = page(path, "newer.html");
     assert!(page.contains("recorded by a newer bikebot") && page.contains("two_link"));
+    assert!(page.contains("obstacles and limits are not shown"));
+}
+
+#[test]
+fn a_ride_of_a_newer_version_is_shown_on_its_recorded_map() {
+    let folder = folder();
+    let path = folder.path();
+    let yard = "\
+format = 1
+name = \"yard\"
+map.file = \"yard.json\"
+run.duration_s = 1
+expect.outcome = \"timed_out\"
+";
+    fs::write(path.join("yard.toml"), yard).unwrap();
+    good(path, "run yard.toml -o ride.mcap");
+    let mut bytes = fs::read(path.join("ride.mcap")).unwrap();
+    let key = b"schema_version";
+    let at = bytes
+        .windows(key.len())
+        .position(|window| window == key)
+        .unwrap();
+    bytes[at + key.len() + 4] = b'9';
+    fs::write(path.join("newer.mcap"), &bytes).unwrap();
+    let output = call(path, "report newer.mcap");
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    let page = page(path, "newer.html");
+    assert!(
+        page.contains("obstacles as the cells of the recorded map"),
+        "{}",
+        err(&output)
+    );
+    assert!(page.contains("\"map\":{\"solids\":[],\"occupied\":[{"));
 }
 
 #[test]

@@ -299,6 +299,10 @@ fn put(bytes: &mut Vec<u8>, mut number: usize) {
 pub(super) struct Scans {
     /// Of each scan: its middle, s.
     time: Vec<f64>,
+    /// Every so many-th scan of the recording is here.
+    pub(super) every: usize,
+    /// Of so many beams of a scan one is here.
+    pub(super) every_beam: usize,
     /// Beams of each scan.
     beams: usize,
     /// Bearing of the first beam in the laser's frame, rad, and from one to the next.
@@ -309,8 +313,8 @@ pub(super) struct Scans {
     ranges: String,
 }
 
-/// Packs scans of equal beams: at most `most` scans, evenly, of at most 361 beams each.
-pub(super) fn scans(all: &[ScanTrace], most: usize) -> Option<Scans> {
+/// Packs scans of equal beams, at most 361 beams of each: all scans where their text keeps to `most_bytes`, else every n-th.
+pub(super) fn scans(all: &[ScanTrace], most_bytes: usize) -> Option<Scans> {
     const BEAMS: usize = 361;
     const NOTHING: u16 = u16::MAX;
     let first = all.iter().find(|scan| !scan.ranges.is_empty())?;
@@ -318,21 +322,15 @@ pub(super) fn scans(all: &[ScanTrace], most: usize) -> Option<Scans> {
     // The middle one of each group of beams.
     let every = count.div_ceil(BEAMS);
     let picked: Vec<usize> = (every / 2..count).step_by(every).collect();
-    let span = match (all.first(), all.last()) {
-        (Some(from), Some(to)) => to.time_s - from.time_s,
-        _ => return None,
-    };
-    // Five a second look alive; more would outweigh all else.
-    let least = (span / most.max(1) as f64).max(0.2) - 1e-3;
-    let mut kept: Vec<&ScanTrace> = Vec::new();
-    for scan in all {
-        let is_due = kept
-            .last()
-            .is_none_or(|last| scan.time_s - last.time_s >= least);
-        if is_due && scan.ranges.len() == count && scan.start_angle == first.start_angle {
-            kept.push(scan);
-        }
-    }
+    let alike: Vec<&ScanTrace> = all
+        .iter()
+        .filter(|scan| scan.ranges.len() == count && scan.start_angle == first.start_angle)
+        .collect();
+    // Two bytes a beam, and four letters for three bytes.
+    let each = (8 * picked.len()).div_ceil(3);
+    let of = alike.len();
+    let step = (of * each).div_ceil(most_bytes.max(each)).max(1);
+    let kept: Vec<&ScanTrace> = alike.into_iter().step_by(step).collect();
     let beams = || {
         kept.iter()
             .flat_map(|scan| picked.iter().map(|i| scan.ranges[*i]))
@@ -351,6 +349,8 @@ pub(super) fn scans(all: &[ScanTrace], most: usize) -> Option<Scans> {
         .collect();
     Some(Scans {
         time: kept.iter().map(|scan| scan.time_s).collect(),
+        every: step,
+        every_beam: every,
         beams: picked.len(),
         start: first.start_angle + first.angle_step * (every / 2) as f64,
         step: first.angle_step * every as f64,
@@ -566,11 +566,17 @@ mod tests {
                     .collect(),
             })
             .collect();
-        let packed = scans(&all, 1000).unwrap();
-        // 1001 beams in groups of three; every fourth scan: five a second.
-        assert_eq!((packed.beams, packed.time.len()), (334, 25));
+        // 1001 beams in groups of three; all scans where there is room.
+        let packed = scans(&all, 1_000_000).unwrap();
+        assert_eq!((packed.beams, packed.time.len()), (334, 100));
+        assert_eq!((packed.every, packed.every_beam), (1, 3));
+        let few = scans(&all, 25 * 891).unwrap();
+        assert_eq!((few.every, few.time.len()), (4, 25));
+        assert!(few.ranges.len() <= 25 * 891);
+        let one = scans(&all, 0).unwrap();
+        assert_eq!(one.time.len(), 1);
         let bytes = unpack::base64(&packed.ranges);
-        assert_eq!(bytes.len(), 2 * 334 * 25);
+        assert_eq!(bytes.len(), 2 * 334 * 100);
         for (index, pair) in bytes.chunks_exact(2).take(334).enumerate() {
             let beam = 1 + 3 * index;
             let angle = packed.start + packed.step * index as f64;

@@ -7,12 +7,13 @@ use serde::Serialize;
 
 use super::encoding::{self, Column};
 
-/// Quantities of the recording that a page carries; `heading_error_rad` is worked out here.
-const KEPT: [&str; 37] = [
+/// Quantities of the recording that a page carries; `heading_error_rad` and `steer_reference_rad` are worked out here.
+const KEPT: [&str; 40] = [
     "x_m",
     "y_m",
     "heading_rad",
     "steer_rad",
+    "steer_rate_radps",
     "roll_rad",
     "balancer_rad",
     "balancer_rate_radps",
@@ -30,6 +31,7 @@ const KEPT: [&str; 37] = [
     "clearance_m",
     "drive_force_command_n",
     "balancer_torque_command_nm",
+    "steer_rate_command_radps",
     "phase",
     "desired_x_m",
     "desired_y_m",
@@ -46,10 +48,13 @@ const KEPT: [&str; 37] = [
     "balancer_saturated",
     "fallback",
     HEADING_ERROR,
+    STEER_REFERENCE,
 ];
 
 /// The bike's heading less that of the nearest point of the planned path.
 const HEADING_ERROR: &str = "heading_error_rad";
+/// The steering angle that holds the curvature of the followed curve: atan(wheelbase times curvature).
+const STEER_REFERENCE: &str = "steer_reference_rad";
 
 /// The rows of a recording, thinned where there are very many.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -72,8 +77,8 @@ pub(super) struct PackedRows {
 }
 
 impl Rows {
-    /// At most `most` rows of `trace`; the last is always one of them.
-    pub(super) fn of(trace: &Trace, most: usize) -> Self {
+    /// At most `most` rows of `trace`; the last is always one of them. The wheelbase is that of `setup`.
+    pub(super) fn of(trace: &Trace, setup: Option<&Setup>, most: usize) -> Self {
         let count = trace.state.len();
         let every = count.div_ceil(most.max(2) - 1).max(1);
         let mut picked: Vec<usize> = (0..count).step_by(every).collect();
@@ -95,14 +100,20 @@ impl Rows {
             .collect();
         let heading_error = heading_errors(trace, &picked);
         let columns = KEPT.iter().filter_map(|&name| {
+            let beside_state = |column: &[f64]| -> Vec<f64> {
+                let value = |row: &Option<usize>| row.map_or(f64::NAN, |row| column[row]);
+                beside.iter().map(value).collect()
+            };
             let values: Vec<f64> = if name == HEADING_ERROR {
                 heading_error.clone()
+            } else if name == STEER_REFERENCE {
+                let wheelbase = setup?.true_bike.wheelbase;
+                let curvature = beside_state(trace.control.column("path_curvature_per_m")?);
+                curvature.iter().map(|it| (wheelbase * it).atan()).collect()
             } else if let Some(column) = trace.state.column(name) {
                 picked.iter().map(|row| column[*row]).collect()
             } else {
-                let column = trace.control.column(name)?;
-                let value = |row: &Option<usize>| row.map_or(f64::NAN, |row| column[row]);
-                beside.iter().map(value).collect()
+                beside_state(trace.control.column(name)?)
             };
             let has_numbers = values.iter().any(|value| value.is_finite());
             has_numbers.then_some((name, values))
@@ -238,7 +249,7 @@ pub(super) fn charts(rows: &Rows, setup: Option<&Setup>) -> Vec<Chart> {
         ("m", 1.0)
     };
     type Line = (&'static str, &'static str, Role);
-    let specification: [(&str, &str, &str, f64, &[Line]); 13] = [
+    let specification: [(&str, &str, &str, f64, &[Line]); 14] = [
         (
             "speed",
             "Speed",
@@ -264,7 +275,10 @@ pub(super) fn charts(rows: &Rows, setup: Option<&Setup>) -> Vec<Chart> {
             "Steering, left positive",
             "°",
             degrees,
-            &[("steer_rad", "steering", Is)],
+            &[
+                ("steer_rad", "steering", Is),
+                (STEER_REFERENCE, "for the curve", Wanted),
+            ],
         ),
         (
             "curvature",
@@ -318,6 +332,16 @@ pub(super) fn charts(rows: &Rows, setup: Option<&Setup>) -> Vec<Chart> {
             &[
                 ("drive_force_n", "acting", Is),
                 ("drive_force_command_n", "asked for", Wanted),
+            ],
+        ),
+        (
+            "steer_rate",
+            "Steering rate, left positive",
+            "°/s",
+            degrees,
+            &[
+                ("steer_rate_radps", "acting", Is),
+                ("steer_rate_command_radps", "asked for", Wanted),
             ],
         ),
         (
@@ -411,6 +435,7 @@ fn levels(id: &str, setup: Option<&Setup>) -> Vec<Level> {
         ("load", _) => vec![level(0.0, "lifts at 0".into())],
         ("torque", Some(setup)) => both(setup.true_bike.balancer_torque_max, "N m"),
         ("steer", Some(setup)) => both(setup.true_bike.steer_max_deg, "°"),
+        ("steer_rate", Some(setup)) => both(setup.true_bike.steer_rate_max.to_degrees(), "°/s"),
         ("drive", Some(setup)) => both(setup.true_bike.drive_force_max, "N"),
         ("speed", Some(setup)) => {
             let most = setup.follow.max_speed;
@@ -474,24 +499,24 @@ mod tests {
     #[test]
     fn the_last_row_is_kept_however_many_are_left_out() {
         for (ticks, most) in [(1, 10), (10, 10), (11, 10), (999, 100), (1000, 7)] {
-            let rows = Rows::of(&trace(ticks), most);
+            let rows = Rows::of(&trace(ticks), None, most);
             assert!(rows.time.len() <= most + 1, "{ticks} {most}");
             assert_eq!(rows.time.last(), Some(&(0.01 * (ticks - 1) as f64)));
             assert!(rows.columns.iter().all(|it| it.1.len() == rows.time.len()));
         }
-        assert!(Rows::of(&Trace::default(), 10).time.is_empty());
+        assert!(Rows::of(&Trace::default(), None, 10).time.is_empty());
     }
 
     #[test]
     fn a_control_sample_counts_until_the_next() {
-        let rows = Rows::of(&trace(9), 100);
+        let rows = Rows::of(&trace(9), None, 100);
         let errors = rows.column("lateral_error_m").unwrap();
         assert!(errors.iter().all(|it| *it == 0.001));
     }
 
     #[test]
     fn the_heading_is_held_against_the_path_beneath_the_bike() {
-        let rows = Rows::of(&trace(50), 100);
+        let rows = Rows::of(&trace(50), None, 100);
         let errors = rows.column(HEADING_ERROR).unwrap();
         assert!(errors.iter().all(|it| (it - 0.02).abs() < 1e-12));
     }
@@ -532,7 +557,7 @@ mod tests {
             let time = SimTime::from_nanoseconds(10_000_000 * tick);
             trace.record(time, &Event::State(&state)).unwrap();
         }
-        let rows = Rows::of(&trace, 1000);
+        let rows = Rows::of(&trace, None, 1000);
         let errors = rows.column(HEADING_ERROR).unwrap();
         // Along a sample's heading an arc of 0.05 rad is 0.05³/6 shorter; sampled headings would be off by 0.025.
         assert!(errors.iter().all(|it| it.abs() < 2.2e-5), "{errors:?}");
@@ -540,7 +565,7 @@ mod tests {
 
     #[test]
     fn charts_are_made_of_what_was_recorded_and_of_no_more() {
-        let charts = charts(&Rows::of(&trace(50), 100), None);
+        let charts = charts(&Rows::of(&trace(50), None, 100), None);
         let names: Vec<_> = charts.iter().map(|chart| chart.id).collect();
         assert_eq!(names, ["roll", "lateral", "heading"]);
         assert_eq!(charts[1].unit, "mm");

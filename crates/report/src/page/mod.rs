@@ -28,8 +28,8 @@ use verdict::{Tone, Verdict};
 
 /// Most rows of all rides of a page: two minutes at a hundred a second at full rate, alone.
 const MAX_ROWS: usize = 12_000;
-/// Most scans of all rides of a page.
-const MAX_SCANS: usize = 600;
+/// Text that the scans of all rides of a page may take, bytes.
+const SCAN_BYTES: usize = 1_200_000;
 /// Text that the beliefs of all rides of a page may take, bytes.
 const BELIEF_BYTES: usize = 900_000;
 
@@ -74,7 +74,7 @@ struct Ride<'a> {
 
 impl<'a> Ride<'a> {
     fn of(recording: &'a Recording<'a>, most_rows: usize) -> Self {
-        let rows = Rows::of(recording.trace, most_rows);
+        let rows = Rows::of(recording.trace, recording.setup, most_rows);
         let trace = recording.trace;
         let named = recording.info.run().and_then(|run| run.get("scenario"));
         let stem = recording.file.strip_suffix(".mcap");
@@ -156,16 +156,14 @@ fn data(ride: &Ride<'_>, count: usize) -> RideData {
         extent: scene::extent(setup, trace),
         start: scene::start(setup, trace),
         bike: scene::BikeShape::of(setup),
-        map: setup
-            .and_then(|setup| setup.world.as_ref())
-            .map(scene::Map::of),
+        map: scene::Map::of(setup, trace),
         moving: setup.map_or_else(Vec::new, |setup| scene::moving(setup, ride.end)),
         rows: ride.rows.packed(),
         charts: histories::charts(&ride.rows, setup),
         plans: scene::plans(trace),
         followed: scene::followed(trace),
         beliefs: encoding::beliefs(&trace.beliefs, BELIEF_BYTES / count),
-        scans: encoding::scans(&trace.scans, MAX_SCANS / count),
+        scans: encoding::scans(&trace.scans, SCAN_BYTES / count),
         events: marks.take(html::MAX_EVENTS).collect(),
     }
 }

@@ -4,7 +4,7 @@ use bikebot_geometry::Pose2;
 use bikebot_sim::Setup;
 use bikebot_sim::record::Trace;
 use bikebot_sim::record::trace::PlanTrace;
-use bikebot_world::{Bounds, Cell, Footprint, Obstacle, World};
+use bikebot_world::{Bounds, Cell, Footprint, Obstacle, OccupancyGrid};
 use serde::Serialize;
 
 use super::encoding::{Column, Line, thinned};
@@ -57,9 +57,20 @@ pub(super) struct Map {
 }
 
 impl Map {
-    pub(super) fn of(world: &World) -> Self {
+    /// The map of the scenario; where that is not known, the cells of the recording.
+    pub(super) fn of(setup: Option<&Setup>, trace: &Trace) -> Option<Self> {
+        match setup {
+            Some(setup) => setup
+                .world
+                .as_ref()
+                .map(|world| Self::drawn(world.obstacles(), world.grid())),
+            None => trace.map.as_ref().map(|grid| Self::drawn(&[], Some(grid))),
+        }
+    }
+
+    fn drawn(obstacles: &[Obstacle], grid: Option<&OccupancyGrid>) -> Self {
         let rims = |wanted: Cell| -> Vec<Line> {
-            let Some(grid) = world.grid() else {
+            let Some(grid) = grid else {
                 return Vec::new();
             };
             let rims = grid_outline::rims(grid, |cell| cell == wanted).into_iter();
@@ -76,7 +87,7 @@ impl Map {
             .collect()
         };
         Self {
-            solids: world.obstacles().iter().map(Solid::of).collect(),
+            solids: obstacles.iter().map(Solid::of).collect(),
             occupied: rims(Cell::Occupied),
             unknown: rims(Cell::Unknown),
         }
@@ -295,7 +306,7 @@ pub(super) fn start(setup: Option<&Setup>, trace: &Trace) -> Option<[f64; 2]> {
     start.filter(|at| at.iter().all(|it| it.is_finite()))
 }
 
-/// The rectangle to show: the field, or what was ridden and planned.
+/// The rectangle to show: the field, or what was ridden, planned and mapped.
 pub(super) fn extent(setup: Option<&Setup>, trace: &Trace) -> [f64; 4] {
     if let Some(world) = setup.and_then(|setup| setup.world.as_ref()) {
         let bounds = world.bounds();
@@ -304,8 +315,17 @@ pub(super) fn extent(setup: Option<&Setup>, trace: &Trace) -> [f64; 4] {
     let state = &trace.state;
     let ridden = state.x_m.iter().zip(&state.y_m).map(|(x, y)| [*x, *y]);
     let planned = trace.plans.iter().flat_map(|plan| &plan.path);
+    let mapped = trace.map.iter().filter(|_| setup.is_none());
+    let corners = mapped.flat_map(|grid| {
+        let [w, h] = [grid.width, grid.height].map(|it| it as f64);
+        [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|[x, y]| {
+            let p = grid.from_cell_coordinates(bikebot_geometry::Vector2::new(x, y));
+            [p.x, p.y]
+        })
+    });
     let places = ridden
         .chain(planned.map(|p| [p.x, p.y]))
+        .chain(corners)
         .filter(|p| p.iter().all(|it| it.is_finite()))
         .map(|[x, y]| bikebot_geometry::Point2::new(x, y));
     let around = Bounds::around(places).unwrap_or(Bounds::new(0.0, 0.0, 0.0, 0.0));
@@ -340,6 +360,20 @@ mod tests {
             assert!((value - wanted).abs() < 1e-9, "{value} {wanted}");
         }
         assert!(super::rim(&Footprint::Point).is_empty());
+    }
+
+    #[test]
+    fn without_its_scenario_a_ride_is_shown_on_the_cells_that_were_recorded() {
+        let corner = Pose2::new(-1.0, 2.0, 0.0);
+        let mut grid = OccupancyGrid::filled(8, 4, 0.5, corner, Cell::Free).unwrap();
+        grid.set(3, 1, Cell::Occupied);
+        let mut trace = Trace::with_scans();
+        trace.map = Some(grid);
+        let map = Map::of(None, &trace).unwrap();
+        assert_eq!((map.occupied.len(), map.unknown.len()), (1, 0));
+        assert!(Map::of(None, &Trace::default()).is_none());
+        let shown = extent(None, &trace);
+        assert!(shown[0] < -1.0 && shown[1] < 2.0 && shown[2] > 3.0 && shown[3] > 4.0);
     }
 
     #[test]

@@ -23,6 +23,8 @@ pub(super) enum Tone {
 
 /// The margin that a plan may use up.
 pub(super) const CURVATURE: &str = "Sharpest curvature";
+/// The margin without a limit but zero.
+const CLEARANCE: &str = "Least clearance";
 
 /// One quantity and the limit it should keep from.
 #[derive(Debug, Clone, PartialEq)]
@@ -307,12 +309,14 @@ fn margins(metrics: &BTreeMap<String, f64>, trace: &Trace, setup: Option<&Setup>
     );
 
     let value = metric("min_clearance_m");
+    // No limit but zero: the bar is full at a touch, and empty a metre away.
+    let used = value.map(|it| (1.0 - it).max(0.0));
     let kept = value.map(|it| it > 0.0);
     add(
-        "Least clearance",
+        CLEARANCE,
         value.map(length),
         "touches at 0".into(),
-        None,
+        used,
         kept,
     );
 
@@ -432,10 +436,10 @@ fn margins(metrics: &BTreeMap<String, f64>, trace: &Trace, setup: Option<&Setup>
 
 /// Which limit the ride came nearest to.
 fn tightest(margins: &[Margin]) -> Option<String> {
-    // A plan may use all the curvature there is.
+    // A plan may use all the curvature there is, and a gap is as wide as it is.
     let ridden = margins
         .iter()
-        .filter(|it| it.name != CURVATURE || it.kept == Some(false));
+        .filter(|it| !matches!(it.name, CURVATURE | CLEARANCE) || it.kept == Some(false));
     let used = ridden.filter_map(|it| Some((it, it.used?)));
     let (margin, used) = used.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let name = margin.name.to_lowercase();

@@ -56,6 +56,8 @@ pub(super) fn write_options() -> WriteOptions {
         .library(concat!("bikebot/", env!("CARGO_PKG_VERSION")))
         .chunk_size(Some(CHUNK_SIZE))
         .disable_seeking(true)
+        // Of the compressor's levels the quickest: a third less time than by default, one percent more bytes.
+        .compression_level(1)
         // Threads of the compressor are as many as the host has unless told.
         .compression_threads(0)
 }

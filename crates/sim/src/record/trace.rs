@@ -106,6 +106,8 @@ pub struct Trace {
     pub scans: Vec<ScanTrace>,
     /// Beliefs in order, if asked for; at most two a second.
     pub beliefs: Vec<BeliefTrace>,
+    /// The map as a recording has it, in cells. A run leaves none: its scenario says more exactly where things stand.
+    pub map: Option<OccupancyGrid>,
     /// What the bike looks like, if told; a file does not keep it.
     pub bike: Option<BikeGeometry>,
     keep_scans: bool,

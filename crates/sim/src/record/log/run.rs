@@ -309,6 +309,7 @@ fn message_into(
             });
         }
         "/belief" => trace.push_belief(time_s, || grid(message)),
+        "/map/occupancy" => trace.map = grid(message).or_else(|| trace.map.take()),
         _ => {}
     }
 }

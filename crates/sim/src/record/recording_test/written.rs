@@ -207,6 +207,10 @@ fn a_trace_read_back_is_the_trace_of_the_run_at_the_recorded_rate() {
     }
     assert_eq!(read.plans, live.plans);
     assert_eq!(read.followed, live.followed);
+    // The field in cells; all its shapes lie outside.
+    let map = read.map.unwrap();
+    assert!(map.cells.iter().all(|cell| *cell == Cell::Free));
+    assert!((map.resolution * map.width as f64 - 2.5).abs() < 2.0 * map.resolution);
     assert_eq!(read.notices, live.notices);
     assert_eq!(read.lines, live.lines);
     assert_eq!(read.scans.len(), live.scans.len());
