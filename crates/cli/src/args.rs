@@ -23,8 +23,8 @@ use crate::commands;
     after_help = "Start with:\n  bikebot init            write a commented scenario.toml\n  bikebot run scenario.toml\n\n'bikebot help VERB' shows a verb's flags and examples.",
     after_long_help = "\
 Examples:
-  bikebot init                                 write a commented scenario.toml
-  bikebot run scenario.toml                    plan, ride and record it
+  bikebot init                                 # write a commented scenario.toml
+  bikebot run scenario.toml                    # plan, ride and record it
   bikebot plan maps/yard.yaml --start 1,1,0 --goal 8,8
   bikebot sweep scenario.toml --vary bike.m1_kg=30:50:5 --runs 20 -o masses.csv
 
@@ -77,6 +77,7 @@ pub enum Verb {
     #[command(subcommand, arg_required_else_help = true)]
     Log(LogVerb),
     Completions(commands::completions::CompletionsArgs),
+    Man(commands::man::ManArgs),
 }
 
 /// `bikebot map …`
@@ -338,7 +339,8 @@ mod tests {
                 "map",
                 "info",
                 "log",
-                "completions"
+                "completions",
+                "man"
             ]
         );
     }
@@ -363,6 +365,66 @@ mod tests {
         for verb in Cli::command().get_subcommands() {
             visit(verb, "bikebot");
         }
+    }
+
+    /// The words of a line as a shell takes them apart, one list for each command of it. What is redirected goes.
+    fn commands(line: &str) -> Vec<Vec<String>> {
+        let mut all = vec![Vec::new()];
+        let (mut word, mut is_word, mut is_quoted) = (String::new(), false, false);
+        let mut is_target = false;
+        for c in line.chars().chain([' ']) {
+            match c {
+                '\'' => (is_quoted, is_word) = (!is_quoted, true),
+                '#' if !is_word && !is_quoted => break,
+                '|' | '&' | '>' | ' ' if !is_quoted => {
+                    if is_word && !is_target {
+                        all.last_mut().unwrap().push(word.clone());
+                    }
+                    if is_word {
+                        is_target = false;
+                    }
+                    (word, is_word) = (String::new(), false);
+                    match c {
+                        '>' => is_target = true,
+                        '|' | '&' => all.push(Vec::new()),
+                        _ => {}
+                    }
+                }
+                c => {
+                    word.push(c);
+                    is_word = true;
+                }
+            }
+        }
+        assert!(!is_quoted, "{line}");
+        all.retain(|words| !words.is_empty());
+        all
+    }
+
+    #[test]
+    fn every_example_of_the_help_is_understood() {
+        fn visit(command: &clap::Command, seen: &mut usize) {
+            let help = [command.get_after_help(), command.get_after_long_help()];
+            for text in help.into_iter().flatten().map(ToString::to_string) {
+                let text = text.replace("\\\n", " ");
+                let examples = text.split_once("Examples:\n").map_or("", |(_, rest)| rest);
+                let examples = examples.split("\n\n").next().unwrap_or_default();
+                for words in examples.lines().flat_map(commands) {
+                    if words[0] == "bikebot" {
+                        *seen += 1;
+                        if let Err(error) = Cli::try_parse_from(&words) {
+                            panic!("{words:?}: {error}");
+                        }
+                    }
+                }
+            }
+            for verb in command.get_subcommands() {
+                visit(verb, seen);
+            }
+        }
+        let mut seen = 0;
+        visit(&Cli::command(), &mut seen);
+        assert!(seen > 60, "only {seen} were found");
     }
 
     #[test]

@@ -13,7 +13,9 @@ mod interrupt;
 mod output;
 mod picture;
 mod plan_text;
+mod progress;
 mod recording;
+mod reference;
 mod render;
 mod stopwatch;
 mod table;
@@ -70,6 +72,7 @@ fn dispatch(verb: &Verb, terminal: &Terminal) -> Ending {
         Verb::Log(LogVerb::Check(args)) => commands::log::check(args, terminal),
         Verb::Log(LogVerb::Recover(args)) => commands::log::recover(args, terminal),
         Verb::Completions(args) => commands::completions::run(args, terminal),
+        Verb::Man(args) => commands::man::run(args, terminal),
     }
 }
 

@@ -2,14 +2,13 @@
 //! errors on standard error, and a progress bar where someone is watching.
 
 use std::io::{self, IsTerminal, Write};
-use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::{ColorChoice, Common};
 use crate::diag::Diagnostic;
 use crate::exit::Failure;
+use crate::progress::Rows;
 
 /// Where and how to write, decided once from the flags and the environment.
 #[derive(Debug)]
@@ -73,18 +72,14 @@ impl Terminal {
         }
     }
 
-    /// A progress bar over `length` steps, hidden unless stderr is a terminal.
-    pub fn progress(&self, length: u64, what: &'static str) -> ProgressBar {
-        if !self.progress {
-            return ProgressBar::hidden();
-        }
-        let bar = ProgressBar::new(length).with_message(what);
-        let template = "{msg:10} [{bar:30}] {percent:>3} %  {elapsed}";
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style.progress_chars("=> "));
-        }
-        bar.enable_steady_tick(Duration::from_millis(200));
-        bar
+    /// Whether somebody watches progress: standard error is a terminal, and not told to be quiet.
+    pub fn is_watched(&self) -> bool {
+        self.progress
+    }
+
+    /// Shows how many of `count` rows are done.
+    pub fn rows(&self, count: u64, what: &'static str) -> Rows {
+        Rows::begin(self.progress, count, what)
     }
 }
 

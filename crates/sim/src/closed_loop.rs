@@ -21,13 +21,20 @@ use crate::record::{Event, LogLevel, NoticeKind, RecordError, Recorder, ResultHa
 use crate::setup::{PathSource, Setup};
 use bikebot_control::External;
 use bikebot_geometry::CurvePath;
-use bikebot_planner::{Budget, Outcome, PlanReport, PlannedPath};
+use bikebot_planner::{Budget, Outcome, PlanReport, PlannedPath, Stage};
 
 /// How far a run has come, for a progress display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Progress {
     /// A path is being planned.
     Planning,
+    /// The search has come forward: a stage's product, or a better path.
+    Searched {
+        /// The stage at work.
+        stage: Stage,
+        /// Length of what it then has, m.
+        length: f64,
+    },
     /// The bike rides.
     Riding {
         /// Simulated time, s.
@@ -158,7 +165,7 @@ pub fn run_with(
         }
         (PathSource::Planned, None) => {
             (control.progress)(Progress::Planning);
-            let report = plan(setup, control.stop)?;
+            let report = search(setup, control.stop, control.progress)?;
             let path = ridden_path(&report);
             (Some(report), path, None, None)
         }
@@ -266,14 +273,29 @@ impl Recorder for Persevering<'_> {
 ///
 /// [`Error::Plan`] where start or goal make no sense.
 pub fn plan(setup: &Setup, stop: &(dyn Fn() -> bool + Sync)) -> Result<PlanReport, Error> {
+    search(setup, stop, &mut |_| {})
+}
+
+/// [`plan`], telling how far the search has come.
+fn search(
+    setup: &Setup,
+    stop: &(dyn Fn() -> bool + Sync),
+    progress: &mut dyn FnMut(Progress),
+) -> Result<PlanReport, Error> {
     let problem = setup.problem().ok_or(Error::NothingToPlan)?;
     let cancelled = || stop().then_some(bikebot_planner::StopReason::Cancelled);
     let budget = Budget::until(&cancelled);
-    Ok(bikebot_planner::plan(
+    Ok(bikebot_planner::plan_observed(
         &problem,
         &setup.planner,
         setup.seed,
         &budget,
+        &mut |entry, _| {
+            progress(Progress::Searched {
+                stage: entry.stage,
+                length: entry.length,
+            });
+        },
     )?)
 }
 

@@ -66,9 +66,9 @@ pub fn run(args: &CompareArgs, terminal: &Terminal) -> Ending {
         jobs: args.jobs.count(),
         stop: &interrupt::asked,
     };
-    let bar = terminal.progress(study.runs() as u64, "comparing");
-    let comparison = study.measure(&mut || bar.inc(1));
-    bar.finish_and_clear();
+    let bar = terminal.rows(study.runs() as u64, "comparing");
+    let comparison = study.measure(&mut || bar.done());
+    drop(bar);
     let comparison = comparison.map_err(|error| tell(&loaded, error, &known))?;
     let text = match args.table.format() {
         Format::Json => format!("{}\n", comparison.to_json()),

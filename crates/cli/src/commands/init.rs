@@ -19,8 +19,8 @@ pub const TEMPLATE: &str = include_str!("../../templates/scenario.toml");
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  bikebot init                    scenario.toml in this folder
-  bikebot init first-ride         the same in a new folder
+  bikebot init                    # scenario.toml in this folder
+  bikebot init first-ride         # the same in a new folder
   bikebot run scenario.toml")]
 pub struct InitArgs {
     /// Folder to write to; made if it is not there

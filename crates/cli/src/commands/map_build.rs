@@ -127,12 +127,12 @@ pub fn run(args: &BuildArgs, terminal: &Terminal) -> Ending {
     let build = BuildOptions {
         resolution: args.resolution,
     };
-    let bar = terminal.progress(log.scans.len() as u64, "mapping");
+    let bar = terminal.rows(log.scans.len() as u64, "mapping");
     let built = logs::build(&name, &log, &build, &mut |_| {
-        bar.inc(1);
+        bar.done();
         !interrupt::asked()
     });
-    bar.finish_and_clear();
+    drop(bar);
     let Some((belief, summary)) = built.map_err(refuse)? else {
         terminal.remark("interrupted: no map was written");
         return Ok(Exit::Interrupted);

@@ -10,6 +10,7 @@ pub mod info;
 pub mod init;
 pub mod live;
 pub mod log;
+pub mod man;
 pub mod map;
 pub mod map_build;
 pub mod plan;

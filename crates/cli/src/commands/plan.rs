@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use bikebot_planner::{
     Budget, CutShort, Enough, Method, Outcome, PlanError, PlanReport, PlanningProblem, Reason,
-    plan_observed,
+    Stage, plan_observed,
 };
 use bikebot_sim::plan_file::{PlanFile, PlanJson, Times};
 use bikebot_sim::{Override, Setup};
@@ -16,6 +16,7 @@ use crate::diag::Diagnostic;
 use crate::exit::{Ending, Exit, Failure};
 use crate::input::{Given, Kind, Loaded};
 use crate::output::Output;
+use crate::progress;
 use crate::render::{self, Sheet, significant};
 use crate::stopwatch::Stopwatch;
 use crate::terminal::Terminal;
@@ -32,7 +33,7 @@ Examples:
   bikebot plan yard.yaml --start 1,1,0 --goal 8,8,90 --max-curvature 0.8
   bikebot plan scene.json --runs 20 --json | jq .length_m
   bikebot plan scenario.toml --method rrt_star --time-limit 200ms -o plan.json
-  bikebot plan scenario.toml --min-time 5ms --target-cost 180 --time-limit 50ms")]
+  bikebot plan scenario.toml --method full --min-time 5ms --target-cost 20 --time-limit 50ms")]
 pub struct PlanArgs {
     /// Scenario (.toml) or map file
     #[arg(value_name = "SCENARIO|MAP")]
@@ -169,7 +170,8 @@ struct Planned {
 }
 
 impl Question<'_> {
-    fn plan(&self, seed: u64) -> Result<Planned, PlanError> {
+    /// Plans, telling `searched` each stage and the length it has.
+    fn plan(&self, seed: u64, searched: &mut dyn FnMut(Stage, f64)) -> Result<Planned, PlanError> {
         let watch = Stopwatch::start(self.args.time_limit);
         let is_settled = || {
             self.args
@@ -199,8 +201,9 @@ impl Question<'_> {
             &self.setup.planner,
             seed,
             &budget,
-            &mut |_, _| {
+            &mut |entry, _| {
                 times.trace.push(watch.seconds());
+                searched(entry.stage, entry.length);
             },
         )?;
         times.plan = watch.seconds();
@@ -208,9 +211,15 @@ impl Question<'_> {
         Ok(Planned { report, json })
     }
 
+    /// As [`Question::plan`], showing how far it has come.
+    fn plan_shown(&self, seed: u64, terminal: &Terminal) -> Result<Planned, PlanError> {
+        let mut shown = progress::Ride::begin(terminal.is_watched());
+        self.plan(seed, &mut |stage, length| shown.searched(stage, length))
+    }
+
     /// One plan, to a file and to the terminal.
     fn write_to(&self, output: Output, loaded: &Loaded, terminal: &Terminal) -> Ending {
-        let planned = match self.plan(self.setup.seed) {
+        let planned = match self.plan_shown(self.setup.seed, terminal) {
             Ok(planned) => planned,
             Err(error) => return self.invalid(self.setup.seed, &error, loaded, terminal),
         };
@@ -234,23 +243,34 @@ impl Question<'_> {
     fn told(&self, loaded: &Loaded, terminal: &Terminal) -> Ending {
         let (args, runs) = (self.args, self.args.runs);
         let seed = |index: u64| self.setup.seed.saturating_add(index);
-        let bar = terminal.progress(runs, "planning");
+        if runs == 1 {
+            return match self.plan_shown(seed(0), terminal) {
+                Ok(planned) => {
+                    self.show(&planned, None, terminal)?;
+                    Ok(exit_of(&planned.report))
+                }
+                Err(error) => self.invalid(seed(0), &error, loaded, terminal),
+            };
+        }
+        let bar = terminal.rows(runs, "planning");
         let mut worst = Exit::Done;
         let mut tally = Tally::default();
         let ended = in_order::run(
             runs,
             args.threads,
-            |index| self.plan(seed(index)),
+            |index| self.plan(seed(index), &mut |_, _| {}),
             |index, planned| {
-                bar.inc(1);
+                bar.done();
                 match planned {
                     Ok(planned) => {
                         worst = worst.max_of(exit_of(&planned.report));
-                        if args.json || runs == 1 {
-                            self.show(&planned, None, terminal)?;
-                        } else {
-                            bar.suspend(|| terminal.print(&tally.row(index == 0, &planned)))?;
-                        }
+                        bar.aside(|| {
+                            if args.json {
+                                self.show(&planned, None, terminal)
+                            } else {
+                                terminal.print(&tally.row(index == 0, &planned))
+                            }
+                        })?;
                         Ok(worst != Exit::Interrupted)
                     }
                     Err(error) => {
@@ -260,9 +280,9 @@ impl Question<'_> {
                 }
             },
         );
-        bar.finish_and_clear();
+        drop(bar);
         ended?;
-        if runs > 1 && !args.json {
+        if !args.json {
             terminal.print(&tally.total())?;
         }
         Ok(worst)

@@ -116,12 +116,11 @@ pub fn run(args: &ReproduceArgs, terminal: &Terminal) -> Ending {
                 .note("the scenarios come with the program: this is a mistake of ours"),
         )
     };
-    let bar = terminal.progress(study.steps().map_err(|error| broken(&error))?, "Table 2");
+    let bar = terminal.rows(study.steps().map_err(|error| broken(&error))?, "Table 2");
     let made = study.measure(&mut |what| {
-        bar.set_message(what);
-        bar.inc(1);
+        bar.done_before(what);
     });
-    bar.finish_and_clear();
+    drop(bar);
     let Some((measured, material)) = made.map_err(|error| broken(&error))? else {
         return Ok(Exit::Interrupted);
     };

@@ -27,6 +27,7 @@ use crate::exit::{Ending, Exit, Failure, plain};
 use crate::input::Loaded;
 use crate::interrupt;
 use crate::output::Output;
+use crate::progress;
 use crate::recording;
 use crate::render::{self, Sheet};
 use crate::terminal::Terminal;
@@ -46,9 +47,9 @@ Examples:
   bikebot run scenario.toml
   bikebot run scenario.toml --seed 7 -o ride.mcap
   bikebot run scenario.toml --set follow.max_speed_mps=1.2 --json
-  bikebot run scenario.toml --live            watch it in Foxglove: ws://127.0.0.1:8765
+  bikebot run scenario.toml --live           # watch it in Foxglove: ws://127.0.0.1:8765
   bikebot run scenario.toml --live :9000 --speed 0.5
-  bikebot run --from ride.mcap                the same ride again, from the recording alone"
+  bikebot run --from ride.mcap               # the same ride again, from the recording alone"
 )]
 pub struct RunArgs {
     /// Scenario file (TOML); '-' reads standard input
@@ -85,9 +86,6 @@ pub struct RunArgs {
 /// What viewers have to take in the end of a ride.
 #[cfg(feature = "live")]
 const LAST_LOOK: Duration = Duration::from_millis(300);
-
-/// Steps of the progress bar.
-const STEPS: u64 = 1000;
 
 /// What `--json` prints (`docs`: the keys are a promise).
 #[derive(Debug, Serialize)]
@@ -263,7 +261,7 @@ fn ride(
     recorder: &mut dyn Recorder,
     terminal: &Terminal,
 ) -> Result<RunReport, Error> {
-    let bar = terminal.progress(STEPS, "planning");
+    let mut shown = progress::Ride::begin(terminal.is_watched());
     let began = Instant::now();
     let report = bikebot_sim::run(
         setup,
@@ -271,25 +269,18 @@ fn ride(
         RunControl {
             stop: &interrupt::asked,
             progress: &mut |progress| match progress {
-                Progress::Planning => bar.set_message("planning"),
+                Progress::Planning => {}
+                Progress::Searched { stage, length } => shown.searched(stage, length),
                 Progress::Riding {
                     time,
                     distance,
                     length,
-                } => {
-                    let share = if length > 0.0 {
-                        distance / length
-                    } else {
-                        time / setup.duration.seconds().max(f64::MIN_POSITIVE)
-                    };
-                    bar.set_message("riding");
-                    bar.set_position((share.clamp(0.0, 1.0) * STEPS as f64) as u64);
-                }
+                } => shown.riding(time, distance, length, setup.duration.seconds()),
             },
             clock: Some(&|| began.elapsed().as_secs_f64()),
         },
     );
-    bar.finish_and_clear();
+    drop(shown);
     report
 }
 

@@ -29,8 +29,8 @@ Examples:
   bikebot sweep scenario.toml --vary bike.m1_kg=30:50:5 -o masses.csv
   bikebot sweep scenario.toml --vary follow.max_speed_mps=[1.0,1.5,2.0] --runs 20 -o speeds.csv
   bikebot sweep scenario.toml --vary bike.mode='[\"flywheel\",\"balancer\"]' --runs 5 -o modes/
-  bikebot sweep push.toml --vary disturbance.0.impulse_ns=0:40:9 --vary follow.max_speed_mps=0.5:2.5:9 \\
-      -o push.csv --map push.svg")]
+  bikebot sweep push.toml --vary disturbance.0.impulse_ns=0:40:9 \\
+      --vary follow.max_speed_mps=0.5:2.5:9 -o push.csv --map push.svg")]
 pub struct SweepArgs {
     #[command(flatten)]
     pub scenario: ScenarioArg,
@@ -140,7 +140,7 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
     let mut table = output.handle()?;
     let mut written = writeln!(table, "{}", sweep::csv_header(&varies));
     let mut tally = Tally::default();
-    let bar = terminal.progress(total as u64, "sweeping");
+    let bar = terminal.rows(total as u64, "sweeping");
     let rows = sweep::sweep(
         loaded.file().text(),
         &loaded.changes(),
@@ -149,7 +149,7 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
         args.jobs.count(),
         &interrupt::asked,
         &mut |row| {
-            bar.inc(1);
+            bar.done();
             tally.count(&row);
             if let Some(map) = &mut map {
                 map.add(&row);
@@ -159,7 +159,7 @@ pub fn run(args: &SweepArgs, terminal: &Terminal) -> Ending {
             }
         },
     );
-    bar.finish_and_clear();
+    drop(bar);
     let rows = match rows {
         Ok(rows) => rows,
         Err(error) => {

@@ -85,9 +85,9 @@ pub fn run(args: &Table2Args, terminal: &Terminal) -> Ending {
         clock: &|| began.elapsed().as_secs_f64(),
         stop: &interrupt::asked,
     };
-    let bar = terminal.progress(study.plans(), "planning");
-    let table = study.measure(&mut || bar.inc(1));
-    bar.finish_and_clear();
+    let bar = terminal.rows(study.plans(), "planning");
+    let table = study.measure(&mut || bar.done());
+    drop(bar);
     let table = table.map_err(|error| Failure::usage(loaded.tell_plan(&error)))?;
     let text = match args.table.format() {
         Format::Json => json(&setup.name, &table)?,

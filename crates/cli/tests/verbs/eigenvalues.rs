@@ -4,6 +4,12 @@ use std::fs;
 
 use crate::common::{SHORT, call, err, folder, good, json, names};
 
+/// A bicycle in the format of BicycleParameters.
+pub const MEASURED: &str = "w = 1.02\nc = 0.08\nlam = 0.314\ng = 9.81\nrR = 0.3\nmR = 2\nIRxx = 0.0603\nIRyy = 0.12\n\
+    xB = 0.3\nzB = -0.9\nmB = 85+/-0.5\nIBxx = 9.2\nIByy = 11\nIBzz = 2.8\nIBxz = 2.4\nxH = 0.9\n\
+    zH = -0.7\nmH = 4\nIHxx = 0.05892\nIHyy = 0.06\nIHzz = 0.00708\nIHxz = -0.00756\nrF = 0.35\n\
+    mF = 3\nIFxx = 0.1405\nIFyy = 0.28\n";
+
 #[test]
 fn eigenvalues_of_the_benchmark_are_told_tabled_and_drawn() {
     let folder = folder();
@@ -72,11 +78,7 @@ fn eigenvalues_as_json_have_the_promised_keys() {
 fn a_bad_parameter_file_is_told_with_its_line() {
     let folder = folder();
     let path = folder.path();
-    let good_file = "w = 1.02\nc = 0.08\nlam = 0.314\ng = 9.81\nrR = 0.3\nmR = 2\nIRxx = 0.0603\nIRyy = 0.12\n\
-                     xB = 0.3\nzB = -0.9\nmB = 85+/-0.5\nIBxx = 9.2\nIByy = 11\nIBzz = 2.8\nIBxz = 2.4\nxH = 0.9\n\
-                     zH = -0.7\nmH = 4\nIHxx = 0.05892\nIHyy = 0.06\nIHzz = 0.00708\nIHxz = -0.00756\nrF = 0.35\n\
-                     mF = 3\nIFxx = 0.1405\nIFyy = 0.28\n";
-    fs::write(path.join("good.txt"), good_file).unwrap();
+    fs::write(path.join("good.txt"), MEASURED).unwrap();
     let text = good(path, "eigenvalues good.txt --speeds 1,2");
     assert!(text.contains("±") && text.contains("good.txt"), "{text}");
     for (from, to, parts) in [
@@ -94,7 +96,7 @@ fn a_bad_parameter_file_is_told_with_its_line() {
         ("w = 1.02", "w = wide", &["`wide`", "good.txt:1"]),
         ("mH = 4\n", "", &["`mH` is missing", "good.txt"]),
     ] {
-        fs::write(path.join("good.txt"), good_file.replace(from, to)).unwrap();
+        fs::write(path.join("good.txt"), MEASURED.replace(from, to)).unwrap();
         let output = call(path, "eigenvalues good.txt");
         assert_eq!(output.status.code(), Some(2));
         for part in parts {

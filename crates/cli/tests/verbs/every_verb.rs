@@ -39,6 +39,7 @@ fn help_of_every_verb_fits_a_hundred_columns() {
         "log check",
         "log recover",
         "completions",
+        "man",
     ] {
         for flag in ["-h", "--help"] {
             let text = good(Path::new("."), &format!("{verb} {flag}"));

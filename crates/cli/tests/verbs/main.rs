@@ -5,6 +5,7 @@ mod compare;
 mod eigenvalues;
 mod every_verb;
 mod explain;
+mod help;
 mod init;
 mod live;
 mod log;

@@ -20,6 +20,12 @@ const COLUMNS: [(&str, &str); 11] = [
     ("", "found"),
 ];
 
+/// Columns of a terminal.
+const WIDTH: usize = 80;
+
+/// The columns of each of the two tables that a terminal gets: side by side they would not fit.
+const TABLES: [[usize; 6]; 2] = [[0, 1, 2, 8, 9, 10], [0, 3, 4, 5, 6, 7]];
+
 const NOTES: [&str; 3] = [
     "Means over the runs that found a path; curvature is the largest of all runs, and a polyline has none.",
     "Roughness is J/L² with J = ∫(dσ/ds)² ds: \"ours\" on curves exactly and on a polyline's own vertices, \"at 0.5 m\" \
@@ -32,55 +38,17 @@ const RECONSTRUCTION: &str = "The field is a reconstruction: the paper shows its
      beside the paper's they show the order, not the metre.";
 
 impl Table2 {
-    /// Aligned columns for a terminal. `is_reconstruction` adds what the built-in field is.
+    /// Aligned columns for a terminal, in two tables of 80 columns at most. `is_reconstruction` adds what the built-in field is.
     #[must_use]
     pub fn to_text(&self, is_reconstruction: bool) -> String {
         let rows: Vec<Vec<String>> = self.rows.iter().map(cells).collect();
-        let mut widths: Vec<usize> = (0..COLUMNS.len())
-            .map(|c| {
-                let longest = rows.iter().map(|row| width(&row[c])).max().unwrap_or(0);
-                longest.max(width(COLUMNS[c].1))
-            })
-            .collect();
-        // A group is as wide as its heading.
-        let begins = (0..COLUMNS.len()).filter(|c| !COLUMNS[*c].0.is_empty());
-        let begins: Vec<usize> = begins.chain([COLUMNS.len()]).collect();
-        for group in begins.windows(2) {
-            let own: usize = widths[group[0]..group[1]].iter().map(|w| w + 2).sum();
-            widths[group[0]] += width(COLUMNS[group[0]].0).saturating_sub(own - 2);
-        }
         let mut text = String::new();
-        // A group's heading stands over its columns.
-        let mut line = String::new();
-        for (c, (group, _)) in COLUMNS.iter().enumerate() {
-            let begin: usize = widths[..c].iter().map(|w| w + 2).sum();
-            if !group.is_empty() {
-                let gap = begin.saturating_sub(width(&line));
-                let _ = write!(line, "{:gap$}{group}", "");
-            }
-        }
-        text.push_str(line.trim_end());
-        text.push('\n');
-        let mut put = |row: &[String]| {
-            let mut line = String::new();
-            for (c, cell) in row.iter().enumerate() {
-                let gap = widths[c] - width(cell);
-                let _ = if c == 0 {
-                    write!(line, "{cell}{:gap$}", "")
-                } else {
-                    write!(line, "  {:gap$}{cell}", "")
-                };
-            }
-            text.push_str(line.trim_end());
+        for columns in TABLES {
+            text.push_str(&aligned(&rows, &columns));
             text.push('\n');
-        };
-        put(&COLUMNS.map(|(_, name)| name.to_owned()));
-        for row in &rows {
-            put(row);
         }
-        text.push('\n');
         for note in self.notes(is_reconstruction) {
-            text.push_str(&wrapped(&note, 96));
+            text.push_str(&wrapped(&note, WIDTH));
         }
         text
     }
@@ -202,6 +170,58 @@ impl Table2 {
     }
 }
 
+/// Some columns of the rows under their headings, aligned.
+fn aligned(rows: &[Vec<String>], columns: &[usize]) -> String {
+    let headings = |c: usize| COLUMNS[columns[c]];
+    let mut widths: Vec<usize> = columns
+        .iter()
+        .map(|c| {
+            let longest = rows.iter().map(|row| width(&row[*c])).max().unwrap_or(0);
+            longest.max(width(COLUMNS[*c].1))
+        })
+        .collect();
+    // A group is as wide as its heading; what stands alone is a group of its own.
+    let is_first = |c: usize| !headings(c).0.is_empty() || COLUMNS[columns[c]].1 == "found";
+    let begins = (0..columns.len()).filter(|c| is_first(*c));
+    let begins: Vec<usize> = begins.chain([columns.len()]).collect();
+    for group in begins.windows(2) {
+        let own: usize = widths[group[0]..group[1]].iter().map(|w| w + 2).sum();
+        widths[group[0]] += width(headings(group[0]).0).saturating_sub(own - 2);
+    }
+    let mut text = String::new();
+    // A group's heading stands over its columns.
+    let mut line = String::new();
+    for c in 0..columns.len() {
+        let (group, _) = headings(c);
+        let begin: usize = widths[..c].iter().map(|w| w + 2).sum();
+        if !group.is_empty() {
+            let gap = begin.saturating_sub(width(&line));
+            let _ = write!(line, "{:gap$}{group}", "");
+        }
+    }
+    text.push_str(line.trim_end());
+    text.push('\n');
+    let mut put = |cell: &dyn Fn(usize) -> String| {
+        let mut line = String::new();
+        for (c, column) in columns.iter().enumerate() {
+            let cell = cell(*column);
+            let gap = widths[c] - width(&cell);
+            let _ = if c == 0 {
+                write!(line, "{cell}{:gap$}", "")
+            } else {
+                write!(line, "  {:gap$}{cell}", "")
+            };
+        }
+        text.push_str(line.trim_end());
+        text.push('\n');
+    };
+    put(&|column| COLUMNS[column].1.to_owned());
+    for row in rows {
+        put(&|column| row[column].clone());
+    }
+    text
+}
+
 fn cells(row: &Row) -> Vec<String> {
     let none = || "-".to_owned();
     let mean = |spread: Option<Spread>, show: &dyn Fn(f64) -> String| {
@@ -295,7 +315,8 @@ mod tests {
         // Right-aligned numbers end in the same column.
         assert_eq!(width(lines[2]), width(lines[3]));
         assert_eq!(width(lines[1]), width(lines[2]));
-        assert!(lines.iter().all(|line| width(line) <= 110), "{text}");
+        assert!(lines[7].starts_with("laplace") && width(lines[7]) == width(lines[8]));
+        assert!(lines.iter().all(|line| width(line) <= WIDTH), "{text}");
         assert!(
             text.contains("reconstruction") && !table().to_text(false).contains("reconstruction")
         );
