@@ -13,7 +13,7 @@ const HEAD: &str = "\
 
 Every key of a scenario file (format 1), as the program itself knows it. What it is all about stands in
 [Scenarios, recordings, exit codes](scenarios.md); `bikebot explain FILE` prints these keys with the values of one file.
-An empty default: left out, there is none, and the description says what follows.
+Where no default is named a key may be left out, and its description says what then holds.
 ";
 
 /// The whole page.
@@ -153,38 +153,29 @@ impl<'a> Page<'a> {
     ) where
         'a: 'k,
     {
-        text.push_str("| key | takes | default | is |\n|---|---|---|---|\n");
         for (key, value) in keys {
             let resolved = self.resolved(value);
             let default = match &value["default"] {
-                Value::Null if required.contains(key) => "required".to_owned(),
+                Value::Null if required.contains(key) => ", required".to_owned(),
                 Value::Null => String::new(),
-                default => format!("`{}`", toml(default)),
+                default => format!(", default `{}`", toml(default)),
             };
-            let mut is = [*value, resolved]
+            let _ = writeln!(text, "* **`{key}`**: {}{default}", self.takes(value));
+            let is = [*value, resolved]
                 .into_iter()
                 .find_map(|it| it["description"].as_str())
-                .map(one_line)
-                .unwrap_or_default();
-            if let Some(choices) = resolved["oneOf"].as_array() {
-                let choices = choices.iter().filter_map(|choice| {
-                    let about = choice["description"].as_str().map(one_line);
-                    Some(format!(
-                        "`\"{}\"`: {}",
-                        choice["const"].as_str()?,
-                        about.unwrap_or_default()
-                    ))
-                });
-                for choice in choices {
-                    let _ = write!(is, "<br>{choice}");
+                .map(one_line);
+            if let Some(is) = is {
+                let _ = writeln!(text, "  <br>{is}");
+            }
+            let choices = resolved["oneOf"].as_array().into_iter().flatten();
+            for choice in choices {
+                let about = choice["description"].as_str().map(one_line);
+                if let Some(name) = choice["const"].as_str() {
+                    let about = about.map(|about| format!(": {about}")).unwrap_or_default();
+                    let _ = writeln!(text, "  * `\"{name}\"`{about}");
                 }
             }
-            let _ = writeln!(
-                text,
-                "| `{key}` | {} | {default} | {} |",
-                self.takes(value),
-                is.replace('|', "\\|")
-            );
         }
     }
 
@@ -192,6 +183,9 @@ impl<'a> Page<'a> {
     fn takes(&self, value: &'a Value) -> String {
         let value = self.resolved(value);
         if let Some(choices) = value["oneOf"].as_array().or(value["anyOf"].as_array()) {
+            if choices.iter().all(|choice| choice["const"].is_string()) {
+                return "one of these".into();
+            }
             let of = choices.iter().map(|choice| match choice["const"].as_str() {
                 Some(name) => format!("`\"{name}\"`"),
                 None => self.takes(choice),
@@ -329,7 +323,7 @@ mod tests {
             // Entries of a list are numbered.
             let is_number = last.parse::<usize>().is_ok();
             assert!(
-                is_number || page.contains(&format!("| `{last}` |")),
+                is_number || page.contains(&format!("* **`{last}`**: ")),
                 "{} is not on the page",
                 row.key
             );

@@ -431,19 +431,20 @@ impl Tally {
         self.seconds += json.time_s.unwrap_or_default();
         let head = if is_first {
             format!(
-                "{:>10}  {:>9}  {:>13}  {:>10}  {:>9}  outcome\n",
+                "{:>8}  {:>8}  {:>13}  {:>9}  {:>8}  outcome\n",
                 "seed", "length m", "curvature 1/m", "roughness", "time"
             )
         } else {
             String::new()
         };
         let cell = |value: Option<f64>| value.map_or_else(|| "-".into(), significant);
+        // The reason says more than the outcome that it stands for, and both do not fit.
         let outcome = match planned.report.outcome {
-            Outcome::Found => json.outcome.clone(),
-            _ => format!("{} ({})", json.outcome, json.reason),
+            Outcome::Found => &json.outcome,
+            _ => &json.reason,
         };
         format!(
-            "{head}{:>10}  {:>9}  {:>13}  {:>10}  {:>9}  {outcome}\n",
+            "{head}{:>8}  {:>8}  {:>13}  {:>9}  {:>8}  {outcome}\n",
             json.seed,
             cell(json.length_m),
             cell(json.max_curvature_per_m),

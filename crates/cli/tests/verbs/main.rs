@@ -19,3 +19,4 @@ mod schema;
 mod sweep;
 mod table2;
 mod verify;
+mod width;
