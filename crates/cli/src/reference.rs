@@ -206,6 +206,11 @@ impl<'a> Page<'a> {
             _ => "anything",
         };
         match name {
+            "number" | "integer"
+                if value["minimum"].is_number() && value["minimum"] == value["maximum"] =>
+            {
+                number(&value["minimum"])
+            }
             "number" | "integer" => {
                 let kind = if name == "integer" {
                     "whole number"

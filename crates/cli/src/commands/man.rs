@@ -88,5 +88,31 @@ fn page(command: &Command) -> Result<Vec<u8>, Failure> {
         .manual("bikebot")
         .render(&mut page)
         .map_err(|error| Failure::stdout(&error))?;
-    Ok(page)
+    Ok(with_examples(&String::from_utf8_lossy(&page)).into_bytes())
+}
+
+/// What follows the flags in the help is called EXTRA and filled to the margin, so that no example could be copied from it: here it is EXAMPLES,
+/// line for line.
+fn with_examples(page: &str) -> String {
+    const EXTRA: &str = ".SH EXTRA\nExamples:\n";
+    let Some((head, rest)) = page.split_once(EXTRA) else {
+        return page.to_owned();
+    };
+    let (examples, tail) = rest.split_at(rest.find("\n.SH ").map_or(rest.len(), |at| at + 1));
+    format!("{head}.SH EXAMPLES\n.nf\n{examples}.fi\n{tail}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn examples_keep_their_lines() {
+        let page = ".SH OPTIONS\nx\n.SH EXTRA\nExamples:\n  a\n  b\n.SH VERSION\n1\n";
+        let with = ".SH OPTIONS\nx\n.SH EXAMPLES\n.nf\n  a\n  b\n.fi\n.SH VERSION\n1\n";
+        assert_eq!(with_examples(page), with);
+        let last = ".SH EXTRA\nExamples:\n  a\n";
+        assert_eq!(with_examples(last), ".SH EXAMPLES\n.nf\n  a\n.fi\n");
+        assert_eq!(with_examples(".SH NAME\n"), ".SH NAME\n");
+    }
 }

@@ -216,7 +216,7 @@ fn every_verb_has_a_manual_page() {
         let name = format!("bikebot-{}.1", verb.replace(' ', "-"));
         let page = fs::read_to_string(folder.path().join("pages").join(&name)).unwrap();
         assert!(
-            page.contains(".SH SYNOPSIS") && page.contains("Examples:"),
+            page.contains(".SH SYNOPSIS") && page.contains(".SH EXAMPLES\n.nf\n"),
             "{name}"
         );
         assert_eq!(page, good(folder.path(), &format!("man {verb}")), "{name}");
