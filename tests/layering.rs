@@ -127,6 +127,7 @@ const ALLOWED: [(&str, &[&str]); 11] = [
             "annotate-snippets",
             "clap",
             "clap_complete",
+            "clap_mangen",
             "ctrlc",
             "indicatif",
             "serde",
